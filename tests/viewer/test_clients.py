@@ -89,16 +89,6 @@ def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value
     assert messages.accepted(update(handle, value), view.server.controls) is None
 
 
-def test_the_largest_push_topples_the_robot_that_is_chosen(view):
-    handle = control(view, "Push by (N·s)")
-    assert handle.max == pytest.approx(6.7)
-    query(view, lambda session: session.choose(robot="kugle"))
-    wait_until(lambda: handle.max == pytest.approx(48.5))
-    assert messages.accepted(update(handle, 45.0), view.server.controls) is not None
-    query(view, lambda session: session.push(0.0, 45.0))
-    wait_until(lambda: query(view, lambda session: session.robots.fallen.any()))
-
-
 def test_only_valid_values_reach_other_clients(view):
     """A value of 1e308 in a control dropped every client that came later."""
     handle = control(view, "Push by (N·s)")
@@ -471,3 +461,16 @@ def test_a_request_without_a_host_is_rejected_on_the_wire(view):
     with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=60) as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n")
         assert raw.recv(1000).startswith(b"HTTP/1.1 403")
+
+
+def test_the_largest_push_topples_the_robot_that_is_chosen(view):
+    handle = control(view, "Push by (N·s)")
+    assert handle.max == pytest.approx(6.7)
+    query(view, lambda session: session.choose(robot="kugle"))
+    wait_until(lambda: handle.max == pytest.approx(48.5))
+    assert messages.accepted(update(handle, 45.0), view.server.controls) is not None
+    query(view, lambda session: session.push(0.0, 45.0))
+    wait_until(lambda: query(view, lambda session: session.robots.fallen.any()))
+    # Other tests have the same page.
+    query(view, lambda session: session.choose(robot="paper"))
+    query(view, lambda session: session.reset())
