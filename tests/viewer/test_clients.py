@@ -19,6 +19,7 @@ import zstandard  # noqa: E402
 from websockets.datastructures import Headers  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 
+from ballbot_rs import Params  # noqa: E402
 from ballbot_rs.viewer.server import messages, server  # noqa: E402
 from ballbot_rs.viewer.server.server import is_own, rejection  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
@@ -474,3 +475,18 @@ def test_the_largest_push_topples_the_robot_that_is_chosen(view):
     # Other tests have the same page.
     query(view, lambda session: session.choose(robot="paper"))
     query(view, lambda session: session.reset())
+
+
+def test_the_page_of_a_robot_of_some_grams_opens():
+    """Its largest push is below the first value of the slider."""
+    given = Params.paper()
+    scale = 0.01 / given.body_mass
+    masses = ("body_mass", "ball_mass", "ball_inertia", "wheel_mass", "wheel_inertia")
+    inertia = [scale * one for one in given.body_inertia]
+    light = given.replace(**{name: scale * getattr(given, name) for name in masses}, body_inertia=inertia)
+    page = View(Session(robot="light", params=light), port=18831)
+    try:
+        handle = control(page, "Push by (N·s)")
+        assert 0.0 < handle.value <= handle.max == pytest.approx(0.1)
+    finally:
+        page.stop()

@@ -94,9 +94,8 @@ class RunPanel:
             initial_value=0,
             hint="azimuth, from x, seen from above",
         )
-        self._impulse = gui.add_slider(
-            "Push by (N·s)", min=0.0, max=largest_push(session), step=0.05, initial_value=0.3
-        )
+        most = largest_push(session)
+        self._impulse = gui.add_slider("Push by (N·s)", min=0.0, max=most, step=0.05, initial_value=min(0.3, most))
 
     @property
     def push(self) -> tuple[float, float]:
@@ -108,7 +107,10 @@ class RunPanel:
         put(self._time, options=(CONTINUE if session.paused else PAUSE, STEP, RESET))
         put(self.task, value=session.task)
         most = largest_push(session)
-        put(self._impulse, max=most, value=min(self._impulse.value, most))
+        if most != self._impulse.max:
+            # The value first: it must be within the bounds at all times.
+            put(self._impulse, value=min(self._impulse.value, most))
+            put(self._impulse, max=most)
         if session.speed != self._shown_speed:
             self._shown_speed = session.speed
             put(self._speed, value=session.speed)
@@ -123,8 +125,8 @@ class RunPanel:
 
 
 def largest_push(session: Session) -> float:
-    """Of the slider, N·s; it follows from the mass of the nominal robot."""
-    return min(round(PUSHED_SPEED * session.robots.setup.nominal.body_mass, 1), MAX_IMPULSE)
+    """Of the slider, N·s, at least two of its steps; it follows from the mass of the nominal robot."""
+    return min(max(round(PUSHED_SPEED * session.robots.setup.nominal.body_mass, 1), 0.1), MAX_IMPULSE)
 
 
 def help_of(commanding: Commanding) -> str:
