@@ -28,10 +28,10 @@ robot](#all-tasks-on-all-robots), and [one policy](#one-policy-for-any-robot) ba
 {better}
 
 `OnnxPolicy(file).controller(robot)` is a policy as a [controller](controllers.md): in Rust, for one robot or for all
-robots of a `Batch`, and following setpoints. A policy of `balance` or `push` observes the robot in a frame that moves,
-accelerates and turns with the setpoint; policies of `goal` and `velocity` follow a place, and a velocity. It needs the
-extra `export`. Where a task is named, `evaluate`, `simulate`, `record`, `plot` and `view` use an ONNX policy of another
-task in this way:
+robots of a `Batch`, and following setpoints. A policy of `balance` or `push` observes the robot in the frame of the
+setpoint's motion, and its torques are added to the torques of the motion, as of the robot that is named; policies of
+`goal` and `velocity` follow a place, and a velocity. It needs the extra `export`. Where a task is named, `evaluate`,
+`simulate`, `record`, `plot` and `view` use an ONNX policy of another task in this way:
 
 ```python
 import ballbot_rs as bb

@@ -14,6 +14,7 @@ pub use controllers::*;
 pub use parts::delayed::DelayOptions;
 pub use parts::lean_observer::ObserverOptions;
 pub use parts::limits::{DEFAULT_TRACTION, LEAST_LOAD, LimitOptions, Limited, TorqueLimits};
+pub use parts::moving_frame::{Followed, MovingFrame};
 pub use parts::rule_table::{RuleTable, SETS, memberships};
 pub use parts::{common_lyapunov, riccati};
 pub use reference::{Motion, Reference, Turning};

@@ -6,7 +6,9 @@ use ballbot_core::batch::{
 use ballbot_core::control::{LaneSetpoint, Setpoint};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::lanes::{EIGHT, Eight, Heading};
-use ballbot_core::nalgebra::{Vector2, Vector3};
+use ballbot_core::models::LinearModel;
+use ballbot_core::models::linear::STATES;
+use ballbot_core::nalgebra::{Matrix2, Rotation2, SVector, Vector2, Vector3};
 use ballbot_core::task::{ACTION_LEN, Balance, Goal, Push, Task, Velocity};
 use ballbot_core::{LaneState, Params, State};
 
@@ -225,11 +227,12 @@ fn moving(params: &Params, state: &State, place: Vector3<f64>, velocity: Vector3
 fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
     let params = Params::paper();
     let network = Network::new(&[16, 12, ACTION_LEN]);
-    let torques = |state: &State, setpoint: &Setpoint| {
+    let torques_of = |params: &Params, state: &State, setpoint: &Setpoint| {
         let layers = network.layers();
-        let mut policy = policy_controller("balance", &params, &[], &History::default(), &[], &layers).unwrap();
+        let mut policy = policy_controller("balance", params, &[], &History::default(), &[], &layers).unwrap();
         policy.wheel_torques(state, setpoint).0
     };
+    let torques = |state: &State, setpoint: &Setpoint| torques_of(&params, state, setpoint);
     let close = |found: [f64; ACTION_LEN], expected: [f64; ACTION_LEN], limit: f64| {
         let far = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(far < limit, "{found:?}, {expected:?}");
@@ -248,12 +251,29 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
         0.005,
     );
 
-    // A robot that accelerates leans by a / g.
-    let acceleration = Vector2::new(0.5, -0.2);
-    let lean = Vector2::new(-acceleration.y, acceleration.x) / params.gravity;
-    let accelerating = Setpoint { acceleration, ..still };
-    let of_lean = State::tilted(&params, lean, yaw);
-    close(torques(&of_lean, &accelerating), torques(&upright, &still), 1e-9);
+    // A robot that accelerates leans, and its wheels have the torques that hold the lean.
+    let LinearModel { a, b } = LinearModel::new(&params);
+    let acceleration = Vector2::new(0.05, -0.02);
+    let holding = |tilt: Vector2<f64>| {
+        let mut x = SVector::<f64, STATES>::zeros();
+        x.fixed_rows_mut::<2>(2).copy_from(&tilt);
+        let torques = b.fixed_view::<3, 3>(7, 0).into_owned().try_inverse().unwrap() * -(a * x).fixed_rows::<3>(7);
+        ((a * x + b * torques).fixed_rows::<2>(5).into_owned(), torques)
+    };
+    let per_tilt = Matrix2::from_columns(&[holding(Vector2::x()).0, holding(Vector2::y()).0]);
+    let heading = Rotation2::new(yaw);
+    let tilt = per_tilt.try_inverse().unwrap() * (heading.inverse() * acceleration);
+    let of_lean = torques(&State::tilted(&params, heading * tilt, yaw), &Setpoint { acceleration, ..still });
+    let held = holding(tilt).1;
+    let upright_now = torques(&upright, &still);
+    close(of_lean, std::array::from_fn(|i| upright_now[i] + held[i]), 1e-9);
+
+    // The friction of the joints in the motion is compensated.
+    let rubbing = Params { wheel_viscous_friction: 1e-3, wheel_coulomb_friction: 0.02, ..params.clone() };
+    let passing = moving(&rubbing, &upright, place, velocity, rate);
+    let unmoved = torques_of(&rubbing, &upright, &still);
+    let friction = passing.wheel_speeds.0.map(|speed| 1e-3 * speed + 0.02 * speed / speed.hypot(1.0));
+    close(torques_of(&rubbing, &passing, &on_the_way), std::array::from_fn(|i| unmoved[i] + friction[i]), 1e-9);
 
     // It turns towards the heading of the setpoint, at most as for half a radian.
     let [ahead, half, behind] = [0.1, 0.5, 2.0].map(|error| torques(&upright, &Setpoint { yaw: yaw + error, ..still }));

@@ -64,7 +64,7 @@ impl Tracking {
 
     /// [`Deviation::forward`] for a lean.
     #[inline(always)]
-    fn forward<L: Lane>(&self, reference: &LeanReference<L>) -> [L; 2] {
+    pub(crate) fn forward<L: Lane>(&self, reference: &LeanReference<L>) -> [L; 2] {
         let mut forward = reference.acceleration;
         for (axis, plane) in self.planes.planes.iter().enumerate() {
             forward[axis] = reference.lean[axis].mul_add_all(-plane.toppling_squared(), forward[axis]);

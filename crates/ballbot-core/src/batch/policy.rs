@@ -4,18 +4,15 @@ use super::config::EnvConfig;
 use super::history::History;
 use super::networks::{Layer, Networks};
 use super::registry::TaskConfig;
-use crate::control::{Controller, LaneSetpoint, Law, Sample, Sampled};
+use crate::control::{Controller, Followed, LaneSetpoint, Law, MovingFrame, Sample, Sampled};
 use crate::task::{
     ACTION_LEN, Balance, Goal, Push, Row, RowScaling, Rows, Sensed, Task, TaskDescription, Velocity, WriteRows,
 };
 use ballbot_base::error::{Error, Result, bounded};
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Heading, Lane, Memory, Vec3, tanh, wrapped_angle};
+use ballbot_base::lanes::{Heading, Lane, Memory, tanh};
 use ballbot_base::params::Params;
 use ballbot_base::wheels::{WHEELS, Wheels};
-use ballbot_models::Scale;
-use nalgebra::{UnitQuaternion, Vector3};
 
 /// Most rows of an observation.
 const MOST_ROWS: usize = 32;
@@ -32,8 +29,8 @@ const GATES: usize = 4;
 /// all units in this order, and its own inputs and then its u outputs of the last step as inputs. Its state is zero at
 /// first. Other policies have no cell.
 ///
-/// Policies of the tasks `balance` and `push` follow the motion of a setpoint: they observe the robot in a frame that moves,
-/// accelerates and turns with it. Policies of `goal` follow a position, policies of `velocity` a velocity and a rate of the
+/// Policies of the tasks `balance` and `push` follow the motion of a setpoint: they observe the robot in the frame of the
+/// motion ([`MovingFrame`]), and their torques are added to its torques. Policies of `goal` follow a position, policies of `velocity` a velocity and a rate of the
 /// heading.
 ///
 /// # Errors
@@ -90,7 +87,7 @@ fn of_task<T: Follow>(
     let policy = Policy {
         scaling: config.row_scaling(&description),
         torque,
-        frame: Frame::new(params),
+        frame: MovingFrame::new(params),
         rows,
         oldest,
         // Oldest first.
@@ -137,63 +134,6 @@ fn width_of_cells(cells: &[Layer<'_>], width: usize, seen: &str) -> Result<usize
     Ok(given.0)
 }
 
-/// What moves with a setpoint.
-struct Frame {
-    /// Wheel speeds of the upright robot that rolls along x and y of its body, per speed, and that turns, per rate.
-    wheel_speeds: [Wheels<f64>; 3],
-    /// Rate at which it turns per error of the heading, 1/s.
-    turning: f64,
-    /// m/s².
-    gravity: f64,
-}
-
-/// Rate at which the frame turns per error of the heading, for the robot of the paper, 1/s, and the largest error, rad.
-const TURNING: f64 = 3.0;
-const LARGEST_TURN: f64 = 0.5;
-
-impl Frame {
-    fn new(params: &Params) -> Self {
-        let (wheels, upright) = (Omniwheels::new(params), UnitQuaternion::identity());
-        let speeds = |ball: Vector3<f64>, body: Vector3<f64>| wheels.wheel_speeds(&upright, &ball, &body);
-        let still = Vector3::zeros();
-        Self {
-            wheel_speeds: [
-                speeds(Vector3::y() / params.ball_radius, still),
-                speeds(-Vector3::x() / params.ball_radius, still),
-                speeds(still, Vector3::z()),
-            ],
-            turning: TURNING / Scale::of(params).time,
-            gravity: params.gravity,
-        }
-    }
-
-    /// A state in the frame of the setpoint. On level ground the laws of motion are the same in a frame that moves at a
-    /// constant velocity, but for friction.
-    #[inline(always)]
-    fn of<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> LaneState<L> {
-        let mut state = *state;
-        let ([x, y], [vx, vy]) = (setpoint.position, setpoint.velocity);
-        state.ball_position.x -= x;
-        state.ball_position.y -= y;
-        state.ball_velocity.x -= vx;
-        state.ball_velocity.y -= vy;
-        let most = x.splat(LARGEST_TURN);
-        let error = wrapped_angle(setpoint.yaw - state.body_quaternion.yaw()).min(most).max(-most);
-        let turn = setpoint.yaw_rate + error * self.turning;
-        state.body_angular_velocity.z -= turn;
-        // In a frame that accelerates the vertical is along gravity less the acceleration.
-        let ([ax, ay], half) = (setpoint.acceleration, 0.5 / self.gravity);
-        let lean = Vec3::new(ay * half, -ax * half, x.zero());
-        state.body_quaternion = state.body_quaternion.turned(lean);
-        let [forward, left] = Heading::new(state.body_quaternion).of(vx, vy);
-        let [rolling, across, turning] = &self.wheel_speeds;
-        for i in 0..WHEELS {
-            state.wheel_speeds[i] -= forward * rolling[i] + left * across[i] + turn * turning[i];
-        }
-        state
-    }
-}
-
 /// A task that takes a setpoint, by the frame of its state unless it has a command.
 trait Follow: Task {
     /// The parts of a setpoint that its policies follow.
@@ -205,11 +145,17 @@ trait Follow: Task {
     fn follow<L: Lane>(
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
-        frame: &Frame,
+        frame: &MovingFrame,
         _: &mut Memory<'_, L>,
-    ) -> LaneState<L> {
-        frame.of(state, setpoint)
+    ) -> Followed<L> {
+        frame.follow(state, setpoint)
     }
+}
+
+/// A robot whose task has a command.
+#[inline(always)]
+fn still<L: Lane>(state: &LaneState<L>) -> Followed<L> {
+    Followed { state: *state, torques: Wheels::zero(state.ball_position.x) }
 }
 
 impl Follow for Balance {}
@@ -223,13 +169,13 @@ impl Follow for Goal {
     fn follow<L: Lane>(
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
-        _: &Frame,
+        _: &MovingFrame,
         memory: &mut Memory<'_, L>,
-    ) -> LaneState<L> {
+    ) -> Followed<L> {
         let [x, y] = setpoint.position;
         memory.set(0, x);
         memory.set(1, y);
-        *state
+        still(state)
     }
 }
 
@@ -240,13 +186,13 @@ impl Follow for Velocity {
     fn follow<L: Lane>(
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
-        _: &Frame,
+        _: &MovingFrame,
         memory: &mut Memory<'_, L>,
-    ) -> LaneState<L> {
+    ) -> Followed<L> {
         let [vx, vy] = setpoint.velocity;
         let [forward, left] = Heading::new(state.body_quaternion).of(vx, vy);
         memory.set3(0, [forward, left, setpoint.yaw_rate]);
-        *state
+        still(state)
     }
 }
 
@@ -258,7 +204,7 @@ struct Policy<T> {
     scaling: Option<RowScaling>,
     /// Torque of an action of 1, N·m.
     torque: f64,
-    frame: Frame,
+    frame: MovingFrame,
     rows: usize,
     /// Largest age of an observation.
     oldest: usize,
@@ -314,10 +260,11 @@ impl<T: Follow> Policy<T> {
     const HAS_SEEN: usize = T::MEMORY + ACTION_LEN;
     const SEEN: usize = T::MEMORY + ACTION_LEN + 1;
 
-    /// Keeps the observation of now; at first it replaces earlier observations.
+    /// Keeps the observation of now; at first it replaces earlier observations. Returns the torques of the setpoint's
+    /// motion.
     #[inline(always)]
-    fn observe<L: Lane>(&self, sample: &mut Sample<'_, L>) {
-        let state = T::follow(sample.state, sample.setpoint, &self.frame, &mut sample.memory);
+    fn observe<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Followed { state, torques } = T::follow(sample.state, sample.setpoint, &self.frame, &mut sample.memory);
         let zero = state.ball_position.x.zero();
         let last_action = sample.memory.wheels(Self::LAST_ACTION);
         let mut seen = Observed { scaling: self.scaling.as_ref(), values: [zero; MOST_ROWS], next: 0 };
@@ -334,6 +281,7 @@ impl<T: Follow> Policy<T> {
         for row in 0..self.rows {
             sample.memory.set(Self::SEEN + row, seen.values[row]);
         }
+        torques
     }
 
     /// The actions; cells keep their outputs and states.
@@ -418,10 +366,12 @@ impl<T: Follow> Law for Policy<T> {
 
     #[inline(always)]
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
-        self.observe(sample);
+        let mut torques = self.observe(sample);
         let action = self.act(&mut sample.memory);
         sample.memory.set_wheels(Self::LAST_ACTION, action);
-        let Wheels([a, b, c]) = action;
-        sample.limited(Wheels([a * self.torque, b * self.torque, c * self.torque])).torques
+        for i in 0..WHEELS {
+            torques[i] += action[i] * self.torque;
+        }
+        sample.limited(torques).torques
     }
 }

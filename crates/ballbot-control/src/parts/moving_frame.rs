@@ -1,0 +1,89 @@
+//! The frame of a setpoint in motion, in which a policy that only balances follows the motion.
+
+use super::joint_friction::JointFriction;
+use super::tracking::{LeanReference, Tracking};
+use crate::LaneSetpoint;
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Heading, Lane, Vec3, wrapped_angle};
+use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
+use ballbot_models::Scale;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Rate at which the frame turns per error of the heading, for the robot of the paper, 1/s, and the largest error, rad.
+const TURNING: f64 = 3.0;
+const LARGEST_TURN: f64 = 0.5;
+
+/// The frame of a setpoint in motion, for one robot. A robot that follows the setpoint is at rest there, and upright: it
+/// leans as the motion requires, and its wheels have the torques of the motion.
+#[derive(Clone, Debug)]
+pub struct MovingFrame {
+    tracking: Tracking,
+    friction: JointFriction,
+    /// Wheel speeds of the upright robot that rolls along x and y of its body, per speed.
+    rolling: [Wheels<f64>; 2],
+    /// Wheel speeds of the robot that turns about x, y and z of its body, per rate.
+    turning: [Wheels<f64>; 3],
+    /// Rate at which the frame turns per error of the heading, 1/s.
+    turning_rate: f64,
+}
+
+/// A robot in the frame of its setpoint.
+pub struct Followed<L> {
+    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds.
+    pub state: LaneState<L>,
+    /// The torques of the setpoint's motion, N·m: with the friction of the joints in that motion. Zero at rest.
+    pub torques: Wheels<L>,
+}
+
+impl MovingFrame {
+    /// The frame for the robot of `params`.
+    pub fn new(params: &Params) -> Self {
+        let (friction, without_friction) = JointFriction::of(params);
+        let (wheels, upright) = (Omniwheels::new(params), UnitQuaternion::identity());
+        let speeds = |ball: Vector3<f64>, body: Vector3<f64>| wheels.wheel_speeds(&upright, &ball, &body);
+        let still = Vector3::zeros();
+        Self {
+            tracking: Tracking::new(&without_friction),
+            friction,
+            rolling: [Vector3::y(), -Vector3::x()].map(|axis| speeds(axis / params.ball_radius, still)),
+            turning: [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| speeds(still, axis)),
+            turning_rate: TURNING / Scale::of(params).time,
+        }
+    }
+
+    /// The robot with this state in the frame of its setpoint.
+    #[inline(always)]
+    pub fn follow<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Followed<L> {
+        let mut state = *state;
+        let ([x, y], [vx, vy]) = (setpoint.position, setpoint.velocity);
+        state.ball_position.x -= x;
+        state.ball_position.y -= y;
+        state.ball_velocity.x -= vx;
+        state.ball_velocity.y -= vy;
+        let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
+        let reference = self.tracking.lean(&heading, setpoint);
+        let LeanReference { lean: [lean_x, lean_y], rate: [rate_x, rate_y], .. } = reference;
+        // Leaning towards y turns about −x.
+        let [back_x, back_y] = heading.to_inertial(lean_y * 0.5, lean_x * -0.5);
+        state.body_quaternion = state.body_quaternion.turned(Vec3::new(back_x, back_y, x.zero()));
+        let most = x.splat(LARGEST_TURN);
+        let error = wrapped_angle(setpoint.yaw - state.body_quaternion.yaw()).min(most).max(-most);
+        let turn = setpoint.yaw_rate + error * self.turning_rate;
+        let rates = [-rate_y, rate_x, turn];
+        let rate = &mut state.body_angular_velocity;
+        *rate = Vec3::new(rate.x - rates[0], rate.y - rates[1], rate.z - rates[2]);
+        let [forward, left] = heading.of(vx, vy);
+        let ([along, across], [roll, pitch, yaw]) = (&self.rolling, &self.turning);
+        let mut speeds = Wheels::zero(x);
+        for i in 0..WHEELS {
+            let tilting = rates[0] * roll[i] + rates[1] * pitch[i];
+            let moving = forward * along[i] + left * across[i] + tilting;
+            state.wheel_speeds[i] -= moving + turn * yaw[i];
+            speeds[i] = moving + setpoint.yaw_rate * yaw[i];
+        }
+        let torques = self.tracking.planes.wheel_torques(self.tracking.forward(&reference), x.zero());
+        Followed { state, torques: self.friction.compensated(torques, &speeds, f64::INFINITY) }
+    }
+}
