@@ -480,6 +480,6 @@ fn largest<L: Lane>(Wheels([a, b, c]): Wheels<L>) -> L {
 }
 
 #[inline(always)]
-fn dot<L: Lane>(row: &[f64; 3], [a, b, c]: [L; 3]) -> L {
+pub(super) fn dot<L: Lane>(row: &[f64; 3], [a, b, c]: [L; 3]) -> L {
     c.mul_add_all(row[2], b.mul_add_all(row[1], a * row[0]))
 }

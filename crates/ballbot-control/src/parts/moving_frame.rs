@@ -1,6 +1,7 @@
 //! The frame of a setpoint in motion, in which a policy that only balances follows the motion.
 
 use super::joint_friction::JointFriction;
+use super::limits::dot;
 use super::tracking::{LeanReference, Tracking};
 use crate::LaneSetpoint;
 use ballbot_base::kinematics::Omniwheels;
@@ -15,6 +16,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 3.0;
 const LARGEST_TURN: f64 = 0.5;
 
+/// Rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball that hardly
+/// rubs on the floor; a policy that has only balanced has not seen its wheels turn as fast while it does not.
+const LARGEST_SPIN: f64 = 0.5;
+
 /// The frame of a setpoint in motion, for one robot. A robot that follows the setpoint is at rest there, and upright: it
 /// leans as the motion requires, and its wheels have the torques of the motion.
 #[derive(Clone, Debug)]
@@ -27,11 +32,16 @@ pub struct MovingFrame {
     turning: [Wheels<f64>; 3],
     /// Rate at which the frame turns per error of the heading, 1/s.
     turning_rate: f64,
+    /// Rate of the body about its z against the ball, per speed of each wheel.
+    spin_per_speed: [f64; WHEELS],
+    /// Largest rate at which the ball spins about the vertical, rad/s.
+    largest_spin: f64,
 }
 
 /// A robot in the frame of its setpoint.
 pub struct Followed<L> {
-    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds.
+    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, on a ball that spins at most as
+    /// fast as a balancing robot spins it.
     pub state: LaneState<L>,
     /// The torques of the setpoint's motion, N·m: with the friction of the joints in that motion. Zero at rest.
     pub torques: Wheels<L>,
@@ -44,12 +54,17 @@ impl MovingFrame {
         let (wheels, upright) = (Omniwheels::new(params), UnitQuaternion::identity());
         let speeds = |ball: Vector3<f64>, body: Vector3<f64>| wheels.wheel_speeds(&upright, &ball, &body);
         let still = Vector3::zeros();
+        let turning = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| speeds(still, axis));
+        let square: f64 = turning[2].iter().map(|speed| speed * speed).sum();
+        let time = Scale::of(params).time;
         Self {
             tracking: Tracking::new(&without_friction),
             friction,
             rolling: [Vector3::y(), -Vector3::x()].map(|axis| speeds(axis / params.ball_radius, still)),
-            turning: [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| speeds(still, axis)),
-            turning_rate: TURNING / Scale::of(params).time,
+            turning,
+            turning_rate: TURNING / time,
+            spin_per_speed: std::array::from_fn(|i| turning[2][i] / square),
+            largest_spin: LARGEST_SPIN / time,
         }
     }
 
@@ -82,6 +97,12 @@ impl MovingFrame {
             let moving = forward * along[i] + left * across[i] + tilting;
             state.wheel_speeds[i] -= moving + turn * yaw[i];
             speeds[i] = moving + setpoint.yaw_rate * yaw[i];
+        }
+        let spin = dot(&self.spin_per_speed, state.wheel_speeds.0) - state.body_angular_velocity.z;
+        let most = x.splat(self.largest_spin);
+        let excess = spin - spin.min(most).max(-most);
+        for i in 0..WHEELS {
+            state.wheel_speeds[i] -= excess * yaw[i];
         }
         let torques = self.tracking.planes.wheel_torques(self.tracking.forward(&reference), x.zero());
         Followed { state, torques: self.friction.compensated(torques, &speeds, f64::INFINITY) }
