@@ -13,7 +13,7 @@ use ballbot_models::Scale;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Rate at which the frame turns per error of the heading, for the robot of the paper, 1/s, and the largest error, rad.
-const TURNING: f64 = 3.0;
+const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
 /// Rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball that hardly
@@ -43,7 +43,8 @@ pub struct Followed<L> {
     /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, on a ball that spins at most as
     /// fast as a balancing robot spins it.
     pub state: LaneState<L>,
-    /// The torques of the setpoint's motion, N·m: with the friction of the joints in that motion. Zero at rest.
+    /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on a ball that spins
+    /// faster. Zero at rest.
     pub torques: Wheels<L>,
 }
 
@@ -77,6 +78,7 @@ impl MovingFrame {
         state.ball_position.y -= y;
         state.ball_velocity.x -= vx;
         state.ball_velocity.y -= vy;
+        let up = state.body_quaternion.rotation().rows[2];
         let heading = Heading::new(self.tracking.frame.attitude(state.body_quaternion));
         let reference = self.tracking.lean(&heading, setpoint);
         let LeanReference { lean: [lean_x, lean_y], rate: [rate_x, rate_y], .. } = reference;
@@ -86,25 +88,32 @@ impl MovingFrame {
         let most = x.splat(LARGEST_TURN);
         let error = wrapped_angle(setpoint.yaw - state.body_quaternion.yaw()).min(most).max(-most);
         let turn = setpoint.yaw_rate + error * self.turning_rate;
-        let rates = [-rate_y, rate_x, turn];
-        let rate = &mut state.body_angular_velocity;
-        *rate = Vec3::new(rate.x - rates[0], rate.y - rates[1], rate.z - rates[2]);
+        let turning = Vec3::new(up.x * turn - rate_y, up.y * turn + rate_x, up.z * turn);
+        state.body_angular_velocity = state.body_angular_velocity - turning;
         let [forward, left] = heading.of(vx, vy);
-        let ([along, across], [roll, pitch, yaw]) = (&self.rolling, &self.turning);
+        let [along, across] = &self.rolling;
         let mut speeds = Wheels::zero(x);
         for i in 0..WHEELS {
-            let tilting = rates[0] * roll[i] + rates[1] * pitch[i];
-            let moving = forward * along[i] + left * across[i] + tilting;
-            state.wheel_speeds[i] -= moving + turn * yaw[i];
-            speeds[i] = moving + setpoint.yaw_rate * yaw[i];
+            let rolling = forward * along[i] + left * across[i];
+            state.wheel_speeds[i] -= rolling + self.turned(i, turning);
+            speeds[i] = rolling + setpoint.yaw_rate * self.turning[2][i];
         }
         let spin = dot(&self.spin_per_speed, state.wheel_speeds.0) - state.body_angular_velocity.z;
         let most = x.splat(self.largest_spin);
-        let excess = spin - spin.min(most).max(-most);
+        let excess = up * (spin - spin.min(most).max(-most));
         for i in 0..WHEELS {
-            state.wheel_speeds[i] -= excess * yaw[i];
+            let spinning = self.turned(i, excess);
+            state.wheel_speeds[i] -= spinning;
+            speeds[i] += spinning;
         }
         let torques = self.tracking.planes.wheel_torques(self.tracking.forward(&reference), x.zero());
         Followed { state, torques: self.friction.compensated(torques, &speeds, f64::INFINITY) }
+    }
+
+    /// Speed of wheel `i` of a body that turns at `rate` in its frame, rad/s.
+    #[inline(always)]
+    fn turned<L: Lane>(&self, i: usize, rate: Vec3<L>) -> L {
+        let [x, y, z] = &self.turning;
+        dot(&[x[i], y[i], z[i]], [rate.x, rate.y, rate.z])
     }
 }
