@@ -275,16 +275,18 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
     let friction = passing.wheel_speeds.0.map(|speed| 1e-3 * speed + 0.02 * speed / speed.hypot(1.0));
     close(torques_of(&rubbing, &passing, &on_the_way), std::array::from_fn(|i| unmoved[i] + friction[i]), 1e-9);
 
-    // A ball that spins fast under the robot spins at half a radian per second to the policy.
-    let [slow, fast, faster] = [0.2, 0.5, 20.0].map(|rate| {
-        let mut spinning = upright.clone();
-        spinning.ball_angular_velocity.z = rate;
-        let (ball, body) = (spinning.ball_angular_velocity, spinning.body_angular_velocity);
-        spinning.wheel_speeds = Omniwheels::new(&params).wheel_speeds(&spinning.body_quaternion, &ball, &body);
-        torques(&spinning, &still)
-    });
-    assert!(slow != torques(&upright, &still) && fast != slow);
-    close(fast, faster, 1e-9);
+    // While the robot turns, a ball that spins fast under it spins at half a radian per second to the policy.
+    let turning = Setpoint { yaw: yaw + 0.1, ..still };
+    let spinning = |rate: f64, setpoint: &Setpoint| {
+        let mut state = upright.clone();
+        state.ball_angular_velocity.z = rate;
+        let (ball, body) = (state.ball_angular_velocity, state.body_angular_velocity);
+        state.wheel_speeds = Omniwheels::new(&params).wheel_speeds(&state.body_quaternion, &ball, &body);
+        torques(&state, setpoint)
+    };
+    let [none, slow, faster] = [0.0, 0.5, 20.0].map(|rate| spinning(rate, &turning));
+    assert!(slow != none && spinning(20.0, &still) != spinning(0.5, &still));
+    close(slow, faster, 1e-9);
 
     // It turns towards the heading of the setpoint, at most as for half a radian.
     let [ahead, half, behind] = [0.1, 0.5, 2.0].map(|error| torques(&upright, &Setpoint { yaw: yaw + error, ..still }));

@@ -16,6 +16,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
+/// Error of the heading at which the robot turns, rad.
+const LEAST_TURN: f64 = 0.02;
+
 /// Rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball that hardly
 /// rubs on the floor; a policy that has only balanced has not seen its wheels turn as fast while it does not.
 const LARGEST_SPIN: f64 = 0.5;
@@ -40,8 +43,8 @@ pub struct MovingFrame {
 
 /// A robot in the frame of its setpoint.
 pub struct Followed<L> {
-    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, on a ball that spins at most as
-    /// fast as a balancing robot spins it.
+    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, while it turns on a ball that
+    /// spins at most as fast as a balancing robot spins it.
     pub state: LaneState<L>,
     /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on a ball that spins
     /// faster. Zero at rest.
@@ -100,7 +103,9 @@ impl MovingFrame {
         }
         let spin = dot(&self.spin_per_speed, state.wheel_speeds.0) - state.body_angular_velocity.z;
         let most = x.splat(self.largest_spin);
-        let excess = up * (spin - spin.min(most).max(-most));
+        // A robot that only balances is shown all of it, as in the policy's task.
+        let hidden = (turn.abs() * (LEAST_TURN * self.turning_rate).recip()).min(x.splat(1.0));
+        let excess = up * ((spin - spin.min(most).max(-most)) * hidden);
         for i in 0..WHEELS {
             let spinning = self.turned(i, excess);
             state.wheel_speeds[i] -= spinning;
