@@ -43,15 +43,14 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
-Driven in this way by commands to 0.5 m/s that do not turn, `balance-any` stays upright in 50 of 50 episodes on each
-preset, with settled errors of 1.1 cm/s (paper), 4.7 (kugle), 3.8 (asroballet) and 0.5 (rezero). It hardly turns while
-it drives on kugle and asroballet, whose friction it was not trained to turn against: commands that turn topple it on
-kugle in 46 % of the episodes. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy
-`velocity` and the laws are the better choice for commands that turn.
+Driven in this way by commands to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each preset. Its settled
+errors are 0.5 cm/s (paper), 4.5 (kugle), 3.4 (asroballet) and 0.3 (rezero) without turns, and 1.1, 14.7, 3.8 and 0.4
+with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero: kugle's ball spins at 30 rad/s under the body that
+turns, and the heading swings about the command. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any
+preset. The policy `velocity` and the laws are the better choice for commands that turn.
 
 ```sh
-ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot kugle --episodes 50 \\
-  --set yaw_rate=0 --set speed=0.5
+ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot kugle --episodes 50 --set speed=0.5
 ```
 
 `make policies` trains three seeds per policy with the configurations in `python/ballbot_rs/training/configs/`, ships

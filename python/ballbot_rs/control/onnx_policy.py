@@ -191,9 +191,9 @@ class OnnxPolicy:
         """The policy as a controller of a robot, in Rust: it follows setpoints, and runs on all robots of a `Batch`.
 
         A policy of the tasks balance and push follows the motion of a setpoint: it observes the robot in the frame of
-        the motion, without the lean that the motion requires of `robot`, and its torques are added to the torques of the
-        motion. A policy of goal follows a position, a policy of velocity a velocity and a rate of the heading. Motors,
-        sensors and events of its training are not part of it.
+        the motion, without the lean that the motion requires of `robot`, and its torques are added to the torques of
+        the motion. A policy of goal follows a position, a policy of velocity a velocity and a rate of the heading.
+        Motors, sensors and events of its training are not part of it.
 
         ```python
         law = bb.OnnxPolicy("assets/policies/balance-any.onnx").controller("kugle")
