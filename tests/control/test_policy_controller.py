@@ -46,6 +46,7 @@ def test_robots_follow_a_circle_together_and_alone() -> None:
     policy = bb.OnnxPolicy(POLICIES / "balance-any.onnx")
     for robot, limit in (("paper", 0.03), ("kugle", 0.03), ("asroballet", 0.03), ("rezero", 0.06)):
         law = policy.controller(robot)
+        assert law.setpoint_parts == bb.Controller("lqr", robot).setpoint_parts
         circle = bb.Reference.circle(radius=0.5, period=12.0, robot=robot)
         alone = bb.simulate(law, robot=robot, seconds=12.0, reference=circle)
         assert alone.fell_at is None

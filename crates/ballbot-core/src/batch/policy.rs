@@ -4,7 +4,7 @@ use super::config::EnvConfig;
 use super::history::History;
 use super::networks::{Layer, Networks};
 use super::registry::TaskConfig;
-use crate::control::{Controller, Followed, LaneSetpoint, Law, MovingFrame, Sample, Sampled};
+use crate::control::{Controller, Followed, LaneSetpoint, Law, MOTION_PARTS, MovingFrame, Sample, Sampled};
 use crate::task::{
     ACTION_LEN, Balance, Goal, Push, Row, RowScaling, Rows, Sensed, Task, TaskDescription, Velocity, WriteRows,
 };
@@ -137,7 +137,7 @@ fn width_of_cells(cells: &[Layer<'_>], width: usize, seen: &str) -> Result<usize
 /// A task that takes a setpoint, by the frame of its state unless it has a command.
 trait Follow: Task {
     /// The parts of a setpoint that its policies follow.
-    const PARTS: &'static [&'static str] = &["position", "velocity", "acceleration", "yaw", "yaw_rate"];
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
 
     /// Gives the task a setpoint: by its command, which is first in the memory, or by the frame of the state, which it
     /// returns.
