@@ -10,7 +10,7 @@ pub(crate) mod joint_friction;
 pub(crate) mod lean_observer;
 pub(crate) mod lean_planes;
 pub(crate) mod limits;
-pub mod moving_frame;
+pub(crate) mod moving_frame;
 pub(crate) mod outer;
 pub(crate) mod outside_force;
 pub(crate) mod position_loop;

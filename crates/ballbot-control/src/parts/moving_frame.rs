@@ -16,11 +16,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
-/// Error of the heading at which the robot turns, rad.
+/// Error of the heading, rad, beyond which the robot turns: a faster spin of the ball is then hidden, with smaller errors
+/// in proportion.
 const LEAST_TURN: f64 = 0.02;
 
-/// Rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball that hardly
-/// rubs on the floor; a policy that has only balanced has not seen its wheels turn as fast while it does not.
+/// Largest shown rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball
+/// that hardly rubs on the floor; a policy that has only balanced has not seen its wheels turn as fast while it does not.
 const LARGEST_SPIN: f64 = 0.5;
 
 /// The frame of a setpoint in motion, for one robot. A robot that follows the setpoint is at rest there, and upright: it
@@ -37,7 +38,7 @@ pub struct MovingFrame {
     turning_rate: f64,
     /// Rate of the body about its z against the ball, per speed of each wheel.
     spin_per_speed: [f64; WHEELS],
-    /// Largest rate at which the ball spins about the vertical, rad/s.
+    /// Largest shown rate of the ball about the vertical, rad/s.
     largest_spin: f64,
 }
 

@@ -30,8 +30,8 @@ const GATES: usize = 4;
 /// first. Other policies have no cell.
 ///
 /// Policies of the tasks `balance` and `push` follow the motion of a setpoint: they observe the robot in the frame of the
-/// motion ([`MovingFrame`]), and their torques are added to its torques. Policies of `goal` follow a position, policies of `velocity` a velocity and a rate of the
-/// heading.
+/// motion ([`MovingFrame`]), and their torques are added to its torques. Policies of `goal` follow a position, policies of
+/// `velocity` a velocity and a rate of the heading.
 ///
 /// # Errors
 /// [`Error::UnknownName`] for another task, or for an option that does not exist; errors of [`EnvConfig::validate`] and
