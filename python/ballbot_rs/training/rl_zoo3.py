@@ -18,7 +18,7 @@ from ballbot_rs.training.config import TrainConfig, load
 _LONGEST: Final = 3
 
 #: The task whose PPO arguments serve tasks that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
-_WITHOUT_TEACHER: Final = "goal"
+_WITHOUT_TEACHER: Final = "balance"
 
 
 def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
