@@ -105,6 +105,18 @@ def test_parts_repeat(trials, fitted):
     assert parts["tilt limit"] >= FRACTIONS[0]
 
 
+def test_kinds_of_episodes_count_by_their_weights(fitted):
+    # Robots that are upright succeed in the first kind; in the second nobody is upright enough.
+    easy, hard = ({"reset_tilt": 0.02, "success_radius": 10.0, "success_tilt": tilt} for tilt in (0.3, 1e-6))
+    for weight in (1.0, 3.0):
+        settings = dataclasses.replace(SETTINGS, episodes=[easy, {**hard, "weight": weight}])
+        weighted = Trials(WHOLE, settings, seed=0)
+        weighted.measure(law())
+        parts = weighted.parts(network_of(fitted[0]))
+        assert parts["upright"] == 1.0
+        assert parts["in place"] == pytest.approx(1.0 / (1.0 + weight))
+
+
 def test_the_hardest_robots_are_kept_with_their_starts(fitted):
     model, _ = fitted
     network = network_of(model)
@@ -180,6 +192,7 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
         ({"robots": [{"seed": 1}]}, r"refinement\.robots = .* must be a list of families"),
         ({"robots": [ONE], "episodes": [{"robot": "paper"}]}, r"it has no robot, refinement\.robots names them"),
         ({"robots": [ONE], "episodes": []}, r"refinement\.episodes = \[\] must be a list of tables"),
+        ({"robots": [ONE], "episodes": [{}, {"weight": 0}]}, r"refinement\.episodes\[1\]\.weight = 0 is out of range"),
         ({"robots": [ONE], "generations": 0}, r"refinement\.generations = 0 is out of range"),
         ({"robots": [ONE], "hardest": 0}, r"refinement\.hardest = 0 is out of range"),
         ({"robots": [ONE], "hardest": 1, "others": -1}, r"refinement\.others = -1 is out of range"),

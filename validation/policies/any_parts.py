@@ -37,6 +37,8 @@ ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any], bool]]] = {
     "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}, True),
     "no symmetries": ({}, {}, False),
     "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}, True),
+    "the law with its default weights": ({}, {"options": {"traction": 0.9}}, True),
+    "noise of 0.1": ({}, {"noise": 0.1}, True),
 }
 
 

@@ -148,7 +148,8 @@ class Refinement:
     #: Families of robots, as the option `robot` of an environment: tables with `family`, `seed` and `ranges`.
     robots: list[dict[str, Any]]
     #: Options of the environments of whole episodes, in place of the options of the training; each robot has eight
-    #: episodes in each. Without these options they have no events, and the starts of the task.
+    #: episodes in each. Without these options they have no events, and the starts of the task. `weight`, 1 by default,
+    #: is how much they count among all whole episodes.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
     #: Policies are tried on the robots on which the fit does worst, this many, and on the first `others` of the rest.
     #: None is all robots.
@@ -168,6 +169,8 @@ class Refinement:
             raise ValueError(f"refinement.episodes = {self.episodes!r} must be a list of tables of options")
         if any("robot" in one for one in self.episodes):
             raise ValueError(f"refinement.episodes = {self.episodes!r}: it has no robot, refinement.robots names them")
+        for i, weight in enumerate(self.weights):
+            _check_number(f"refinement.episodes[{i}].weight", weight, "0.001", "1000")
         if self.hardest is not None:
             _check_whole("refinement.hardest", self.hardest, 1)
         elif self.others:
@@ -176,6 +179,16 @@ class Refinement:
         _check_whole("refinement.generations", self.generations, 1)
         _check_whole("refinement.population", self.population, 4)
         _check_number("refinement.sigma", self.sigma, "1e-6", "1")
+
+    @property
+    def weights(self) -> list[float]:
+        """How much each kind of whole episodes counts."""
+        return [one.get("weight", 1.0) for one in self.episodes]
+
+    @property
+    def episode_options(self) -> list[dict[str, Any]]:
+        """The options of the environments of each kind of whole episodes."""
+        return [{name: value for name, value in one.items() if name != "weight"} for one in self.episodes]
 
 
 #: Algorithm arguments that are counts, and those from 0 to 1: a learner accepts other values, but learns nothing.

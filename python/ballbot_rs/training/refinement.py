@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 Network = list[tuple[Array, Array]]
 
 #: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
-AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
+AZIMUTHS: Final = np.radians([0.0, 15.0, 40.0, 60.0])
 #: Of the largest tilt and push from which the law recovers.
 FRACTIONS: Final = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 #: Control steps in which a robot recovers or falls.
@@ -53,7 +53,7 @@ _LEAST_PUSH: Final = 0.1
 #: Episodes of each robot in place, one for each of its neighbors.
 _EPISODES: Final = SAME_ROBOT
 #: Weights of the parts of the objective: the limits, the starts, and the episodes upright and in place.
-_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 3.0, 1.0, 2.0, 3.0
+_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 3.0, 1.0, 2.0, 4.5
 #: Generations between two trials of the mean.
 _EVERY: Final = 4
 
@@ -191,8 +191,9 @@ class Trials:
         """Makes the environments of some robots."""
         self._robots = robots
         self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
-        self._whole = [self._batch(_EPISODES, **options) for options in self.settings.episodes]
-        for options, one in zip(self.settings.episodes, self._whole, strict=True):
+        settings = self.settings.episode_options
+        self._whole = [self._batch(_EPISODES, **options) for options in settings]
+        for options, one in zip(settings, self._whole, strict=True):
             if one.observation_len != self._starts.observation_len:
                 raise ValueError(
                     f"refinement.episodes: the observation with {options} has {one.observation_len} rows, "
@@ -268,7 +269,8 @@ class Trials:
         ended = [self._episodes(batch, network) for batch in self._whole]
 
         def share(name: str) -> Array:
-            of_robots: Array = np.mean([one[name].reshape(len(self._robots), -1) for one in ended], axis=(0, 2))
+            of_kinds = [one[name].reshape(len(self._robots), -1).mean(axis=1) for one in ended]
+            of_robots: Array = np.average(of_kinds, axis=0, weights=self.settings.weights)
             return of_robots
 
         return {**found, "upright": 1.0 - share("terminated"), "in place": share("success")}
