@@ -174,17 +174,21 @@ def _run(policy: str) -> Findings:
         lines.append([one.name, str(ours), _best(nominal), _best(given)])
         if one.least is not None:
             for what, share, least in zip(("upright", "in place"), ours, one.least, strict=False):
-                missing = max(least - share, 0.0)
-                claims.append(Claim(f"{one.name}: {what}, missing of {least:g}", missing, 0.0, 1e-9, "", absolute=True))
+                claims.append(_no_more(f"{one.name}: {what}, missing of {least:g}", least - share))
         elif nominal:
-            missing = max(nominal["`lqr`, `lean_observer=4`"].in_place - ours.in_place, 0.0)
+            missing = nominal["`lqr`, `lean_observer=4`"].in_place - ours.in_place
             what = f"{one.name}: in place, less than `lqr` with `lean_observer=4`"
-            claims.append(Claim(what, missing, 0.0, MARGIN, "", absolute=True))
+            claims.append(_no_more(what, missing, MARGIN))
     head = ["upright, in place", "policy", "best law of the nominal robot", "best law, given the robot"]
     of_hardest, hardest = _hardest(policy)
     of_commands, commands = _commands(policy)
     tables = [table(head, lines), hardest, commands]
     return Findings([*claims, *of_hardest, *of_commands], None, "\n\n".join(tables))
+
+
+def _no_more(what: str, excess: float, limit: float = 1e-9) -> Claim:
+    """The claim that something is not exceeded, or not missed, by more than a limit."""
+    return Claim(what, max(excess, 0.0), 0.0, limit, "", absolute=True)
 
 
 def _best(found: Mapping[str, Shares]) -> str:
@@ -207,7 +211,7 @@ def _hardest(policy: str) -> tuple[list[Claim], str]:
             ours, _, best = scores
             what = f"{robot}: {_SCENARIOS[scenario].partition(',')[0]}, missing of {LEAST:g} of `lqr`"
             share = ours / best if best > 0.0 else 1.0
-            claims.append(Claim(what, max(LEAST - share, 0.0), 0.0, 1e-9, "", absolute=True))
+            claims.append(_no_more(what, LEAST - share))
         lines.append([robot, *cells])
     names = ("policy", "`lqr` within its torque", "`lqr`")
     columns = [f"{what}: {name}" for what in _SCENARIOS.values() for name in names]
@@ -233,7 +237,7 @@ def _commands(policy: str) -> tuple[list[Claim], str]:
                 cells.append(f"{100 * error:.3g} cm/s, {100 * upright:.4g} %")
                 if controller == policy and "events" not in options:
                     what = f"{robot}: error of the velocity, {name}, m/s above {_LARGEST_ERROR:g}"
-                    claims.append(Claim(what, max(error - _LARGEST_ERROR, 0.0), 0.0, 1e-9, "", absolute=True))
+                    claims.append(_no_more(what, error - _LARGEST_ERROR))
         lines.append([robot, *cells])
     columns = [f"{name}: {controller}" for name in commands for controller in ("policy", "`lqr`")]
     return claims, table(["error of the velocity, upright", *columns], lines)
