@@ -147,11 +147,15 @@ class Chromium:
     def click_until(self, condition, *expressions: str) -> None:
         """Clicks elements in turn, and again where nothing follows: a busy page may move under a click."""
         ends = time.monotonic() + LIMIT
+        outcome = "clicked"
         while not condition():
-            assert time.monotonic() < ends, f"waited {LIMIT} s for what follows a click on {expressions}"
-            with contextlib.suppress(AssertionError):
+            assert time.monotonic() < ends, f"waited {LIMIT} s for what follows a click on {expressions}: {outcome}"
+            try:
                 for expression in expressions:
                     self.click(*self.place_of(expression, 5.0))
+                outcome = "clicked"
+            except AssertionError as error:
+                outcome = str(error)
             again = time.monotonic() + 5.0
             while not condition() and time.monotonic() < again:
                 time.sleep(0.05)

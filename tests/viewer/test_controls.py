@@ -133,6 +133,20 @@ def test_the_panel_is_next_to_the_scene_and_the_robot_in_it(opened):
         assert abs(seen[0] / seen[2]) < half * client.camera.aspect
 
 
+def test_tabs_stay_under_the_finger(opened):
+    _, page, _ = opened
+    open_tab(page, "Run")
+    # The panel grows while the page loads.
+    page.wait_for("document.querySelector('[role=tab]').getBoundingClientRect().top < 0.65 * innerHeight")
+    seen = []
+    for tab in ("Run", "Robot", "Parameters", "Plots", "Record", "View", "Run"):
+        open_tab(page, tab)
+        ends = time.monotonic() + 0.5
+        while time.monotonic() < ends:
+            seen.append(rectangle(page, named(tab, "[role=tab]"))[1])
+    assert max(seen) - min(seen) < 10
+
+
 def test_every_text_can_be_read(opened):
     view, page, _ = opened
     assert page.evaluate("document.title") == "ballbot"
