@@ -1,6 +1,8 @@
 """What the three front ends have in common, and where they follow Gymnasium."""
 
+import json
 import os
+import pickle
 import subprocess
 import sys
 
@@ -8,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import PPO
 
 import ballbot_rs as bb
 from tests.support.names import BALANCE
@@ -221,3 +224,19 @@ def test_lqr_accepts_a_cost_once() -> None:
     with pytest.raises(TypeError, match="Q or the weight tilt"):
         bb.Lqr(Q=np.eye(10), tilt=0.1)
     assert bb.Lqr(Q=np.eye(10), torque=0.1).gain.shape == (3, 10)
+
+
+def test_the_file_of_a_robot_is_read_once(tmp_path):
+    file = tmp_path / "mine.toml"
+    mine = bb.Params.preset("kugle").replace(body_mass=11.0)
+    file.write_text("".join(f"{name} = {json.dumps(value)}\n" for name, value in mine.to_dict().items()))
+    envs = front_ends(robot=str(file))
+    several = bb.BallbotVecEnv(16, robot=[file, "kugle"])
+    learned = bb.save(PPO("MlpPolicy", envs[2], n_steps=8, batch_size=16), tmp_path / "policy.zip")
+    file.unlink()
+    for env in envs:
+        assert env.task_options["robot"] == mine.to_dict()
+        again = pickle.loads(pickle.dumps(env))
+        assert again.task_options == env.task_options
+    assert pickle.loads(pickle.dumps(several)).task_options["robot"] == [mine.to_dict(), "kugle"]
+    assert bb.evaluate(learned, episodes=1).episodes == 1

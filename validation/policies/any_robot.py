@@ -49,7 +49,7 @@ MARGIN: Final = 0.02
 #: Fraction of the law's largest tilt and push, claimed of the policy.
 LEAST: Final = 0.9
 
-_SCENARIOS: Final = {"S2-rest": "tilt recovered from, deg", "S3-at-once": "push withstood, N·s"}
+SCENARIOS: Final = {"S2-rest": "tilt recovered from, deg", "S3-at-once": "push withstood, N·s"}
 
 #: Largest error of the velocity that is claimed, m/s.
 _LARGEST_ERROR: Final = 0.02
@@ -205,16 +205,16 @@ def _hardest(policy: str) -> tuple[list[Claim], str]:
         torque = new_batch(1, options={"robot": robot, "scale_by_robot": True}).max_wheel_torque
         weak = bb.Controller("lqr", robot, 0.01, max_torque=torque)
         cells = []
-        for scenario in _SCENARIOS:
+        for scenario in SCENARIOS:
             scores = [bb.run_scenarios(one, scenario, robot=robot)[0].score for one in (policy, weak, "lqr")]
             cells += [f"{score:.3g}" for score in scores]
             ours, _, best = scores
-            what = f"{robot}: {_SCENARIOS[scenario].partition(',')[0]}, missing of {LEAST:g} of `lqr`"
+            what = f"{robot}: {SCENARIOS[scenario].partition(',')[0]}, missing of {LEAST:g} of `lqr`"
             share = ours / best if best > 0.0 else 1.0
             claims.append(_no_more(what, LEAST - share))
         lines.append([robot, *cells])
     names = ("policy", "`lqr` within its torque", "`lqr`")
-    columns = [f"{what}: {name}" for what in _SCENARIOS.values() for name in names]
+    columns = [f"{what}: {name}" for what in SCENARIOS.values() for name in names]
     return claims, table(["worst of 24 directions", *columns], lines)
 
 

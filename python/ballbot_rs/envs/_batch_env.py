@@ -4,13 +4,14 @@ import copy
 import functools
 import secrets
 from collections.abc import Iterable, Mapping
+from os import PathLike
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_seed, real_array
-from ballbot_rs._core import TASKS, Batch, Params, State
+from ballbot_rs._core import ROBOTS, TASKS, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import check_keywords
 from ballbot_rs._robot import params_of
@@ -152,12 +153,20 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
         # It follows from each robot.
         options["max_wheel_torque"] = None
     if "robot" in given:
-        options["robot"] = _as_json(given["robot"])
+        options["robot"] = _as_json(_read(given["robot"]))
         if several:
             # They follow from each robot, too.
             fitted = {option["name"] for option in description_of(batch.task)["options"] if option["scaled"]}
             options = {name: value for name, value in options.items() if name not in fitted or name in given}
     return options if batch.stage is None else batch.stage.options(options)
+
+
+def _read(robot: Any) -> Any:
+    """The value of an option `robot` without files: a file may change, and no other machine has it."""
+    if is_list(robot):
+        return [_read(one) for one in robot]
+    is_file = isinstance(robot, (str, PathLike)) and robot not in ROBOTS
+    return params_of(robot) if is_file else robot
 
 
 def _as_json(robot: Any) -> Any:
@@ -405,6 +414,8 @@ class BatchEnv(BatchAttributes):
         if num_threads is not None:
             check_count("num_threads", num_threads)
         check_room(options.get("robot"), num_envs)
+        if "robot" in options:
+            options = {**options, "robot": _read(options["robot"])}
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(

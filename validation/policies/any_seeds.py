@@ -1,0 +1,65 @@
+"""The policy for any robot, trained with each of five seeds.
+
+`python -m validation.policies.any_seeds` prints the table of docs/training.md, in two hours of two cores.
+"""
+
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+import ballbot_rs as bb
+from ballbot_rs.control.resolve import find
+from ballbot_rs.training.export import export
+from validation.policies.any_robot import RECIPE, SCENARIOS, conditions, judged
+from validation.policies.training import train_all
+
+SEEDS = range(5)
+
+#: Conditions of the table by how their names begin.
+_FAMILY, _WIDE = "1000 robots", "`wide` without pushes"
+
+
+def row(policy: str, largest: Sequence[float]) -> list[str]:
+    """What a policy reaches, and its fractions of the laws' largest tilts and pushes on the presets."""
+    found = find(policy)
+    act = found.policy
+    assert act is not None
+    options = {name: found.env_options[name] for name in ("history", "scale_by_robot")}
+    shares = {
+        one.name: judged(one, lambda _, rows: np.asarray(act(rows)), options)
+        for one in conditions()
+        if one.name.startswith((_FAMILY, *bb.Params.preset_names()))
+    }
+    family = next(share for name, share in shares.items() if name.startswith(_FAMILY))
+    places = {name: share.in_place for name, share in shares.items() if name.startswith(tuple(bb.Params.preset_names()))}
+    nominal = [share for name, share in places.items() if not name.endswith(_WIDE)]
+    wide = [share for name, share in places.items() if name.endswith(_WIDE)]
+    limits = np.divide(hardest(policy), largest).reshape(len(SCENARIOS), -1)
+    cells = [[family.upright], [family.in_place], nominal, wide, *limits]
+    return [", ".join(f"{100.0 * share:.4g}" for share in cell) for cell in cells]
+
+
+def hardest(controller: str) -> list[float]:
+    """The largest tilts of each preset in the worst of 24 directions, then the largest pushes."""
+    robots = bb.Params.preset_names()
+    return [bb.run_scenarios(controller, one, robot=robot)[0].score for one in SCENARIOS for robot in robots]
+
+
+def main() -> int:
+    """Prints the rows."""
+    recipes = [RECIPE._replace(seed=seed) for seed in SEEDS]
+    train_all(recipes)
+    robots = ", ".join(bb.Params.preset_names())
+    print(f"| seed | family: upright | in place | in place: {robots} | `wide` | tilt, of `lqr` | push, of `lqr` |")
+    print("|--:|--:|--:|---|---|---|---|")
+    largest = hardest("lqr")
+    for recipe in recipes:
+        path = recipe.folder / "policy.onnx"
+        export(recipe.folder, path, recipe.task)
+        print(f"| {recipe.seed} | {' | '.join(row(str(path), largest))} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
