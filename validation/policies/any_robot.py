@@ -159,15 +159,20 @@ def of_law(given: Conditions, law: str, *, is_given: bool) -> Shares:
     return judged(given, act, limits)
 
 
-def _run(policy: str) -> Findings:
+def of_policy(given: Conditions, policy: str) -> Shares:
+    """A policy with its own observations and torques."""
     found = find(policy)
     act = found.policy
     assert act is not None
     assert not isinstance(act, Recurrent)
     options = {name: found.env_options[name] for name in ("history", "scale_by_robot")}
+    return judged(given, lambda _, rows: np.asarray(act(rows)), options)
+
+
+def _run(policy: str) -> Findings:
     claims, lines = [], []
     for one in conditions():
-        ours = judged(one, lambda _, rows: np.asarray(act(rows)), options)
+        ours = of_policy(one, policy)
         given = {law: of_law(one, law, is_given=True) for law in LAWS} if one.engine is None else {}
         is_random = not are_several(one.options["robot"]) and "events" in one.options
         nominal = {law: of_law(one, law, is_given=False) for law in LAWS} if is_random else {}

@@ -5,38 +5,25 @@
 
 import sys
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 import ballbot_rs as bb
-from ballbot_rs.control.resolve import find
 from ballbot_rs.training.export import export
-from validation.policies.any_robot import RECIPE, SCENARIOS, conditions, judged
+from validation.policies.any_robot import RECIPE, SCENARIOS, conditions, of_policy
 from validation.policies.training import train_all
 
-SEEDS = range(5)
-
-#: Conditions of the table by how their names begin.
-_FAMILY, _WIDE = "1000 robots", "`wide` without pushes"
+SEEDS: Final = range(5)
 
 
 def row(policy: str, largest: Sequence[float]) -> list[str]:
     """What a policy reaches, and its fractions of the laws' largest tilts and pushes on the presets."""
-    found = find(policy)
-    act = found.policy
-    assert act is not None
-    options = {name: found.env_options[name] for name in ("history", "scale_by_robot")}
-    shares = {
-        one.name: judged(one, lambda _, rows: np.asarray(act(rows)), options)
-        for one in conditions()
-        if one.name.startswith((_FAMILY, *bb.Params.preset_names()))
-    }
-    family = next(share for name, share in shares.items() if name.startswith(_FAMILY))
-    places = {name: share.in_place for name, share in shares.items() if name.startswith(tuple(bb.Params.preset_names()))}
-    nominal = [share for name, share in places.items() if not name.endswith(_WIDE)]
-    wide = [share for name, share in places.items() if name.endswith(_WIDE)]
+    presets = bb.Params.preset_names()
+    family, *others = [of_policy(one, policy) for one in conditions() if "of them" not in one.name]
+    nominal, wide = (others[i : i + len(presets)] for i in (0, len(presets)))
     limits = np.divide(hardest(policy), largest).reshape(len(SCENARIOS), -1)
-    cells = [[family.upright], [family.in_place], nominal, wide, *limits]
+    cells = [[family.upright], *([share.in_place for share in one] for one in ([family], nominal, wide)), *limits]
     return [", ".join(f"{100.0 * share:.4g}" for share in cell) for cell in cells]
 
 
