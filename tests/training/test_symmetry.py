@@ -1,5 +1,7 @@
 """The symmetries of a robot: turned or mirrored torques make a turned or mirrored motion, in every row."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -162,6 +164,12 @@ def test_what_has_no_symmetry_is_named(options, message):
 def test_several_robots_have_no_preferred_side_on_average():
     robots = [bb.Params.paper().replace(body_com_offset=(side, 0.0)) for side in (0.01, -0.01)]
     assert tied.tie(new_model(net_arch=(6,), robot=robots), True, pytest.fail) is not None
+
+
+def test_azimuths_may_be_negative():
+    third = 2.0 * math.pi / 3.0
+    robot = bb.Params.paper().replace(wheel_azimuths=(0.0, third, -third))
+    assert tied.tie(new_model(net_arch=(6,), robot=robot), True, pytest.fail) is not None
 
 
 def test_weights_of_a_checkpoint_must_be_tied_already():

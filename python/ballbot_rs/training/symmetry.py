@@ -4,6 +4,7 @@ Turned or mirrored torques turn or mirror the motion. Each pair of an observatio
 """
 
 import functools
+import math
 import re
 from typing import Final
 
@@ -79,6 +80,7 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
     """
     for i, robot in enumerate(robots_in(batch)):
         apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
+        apart -= 2.0 * math.pi * np.round(apart / (2.0 * math.pi))
         if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
             raise ValueError(
                 f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
