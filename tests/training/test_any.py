@@ -1,15 +1,18 @@
 """`ballbot train any`: one policy for several robots, from the command line to other robots."""
 
 import json
+import shutil
 
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs import _files
 from ballbot_rs._short import number
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
 from ballbot_rs.envs.family import sample_robots
-from ballbot_rs.training import config
+from ballbot_rs.training import config, run_folder
+from tests.support.killed_training import weights
 
 SMALL = {
     "num_envs": 32,
@@ -20,7 +23,7 @@ SMALL = {
     "refinement.robots": '[{"family": 1}]',
     "refinement.hardest": 1,
     "refinement.others": 0,
-    "refinement.generations": 1,
+    "refinement.generations": 3,
     "refinement.population": 4,
     "evaluation.episodes": 8,
     "algorithm_arguments.n_steps": 4,
@@ -28,12 +31,19 @@ SMALL = {
 }
 
 
+QUIET = ["--quiet", "--episodes", "0", "--no-report"]
+
+
+def train(folder):
+    values = [text for name, value in SMALL.items() for text in ("--set", f"{name}={value}")]
+    return main(["train", "any", *QUIET, "--run", str(folder), *values])
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("any") / "run"
-    values = [text for name, value in SMALL.items() for text in ("--set", f"{name}={value}")]
     # It is too short to succeed.
-    assert main(["train", "any", "--quiet", "--episodes", "0", "--no-report", "--run", str(folder), *values]) == 1
+    assert train(folder) == 1
     return folder
 
 
@@ -47,6 +57,40 @@ def test_a_run_is_of_a_family_and_drives_other_robots(run):
     # Tools for one robot take the first.
     map_of_one = recovery_map.collect(str(run), rings=1, sectors=3, seconds=1.0, env_options={"events": None})
     assert map_of_one is not None
+
+
+def test_an_interrupted_refinement_continues_where_it_was(run, tmp_path, monkeypatch, capsys):
+    folder, write = tmp_path / "run", _files.write
+    record = folder / run_folder.FIT / run_folder.OBJECTIVE
+
+    def full(path, content):
+        if path == record and record.exists():
+            raise OSError(28, "No space left on device")
+        write(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_files, "write", full)
+        assert train(folder) == 1
+    assert "No space left on device" in capsys.readouterr().err
+    (first,) = json.loads(record.read_text(encoding="utf-8"))
+    assert len(first) == SMALL["refinement.population"]
+    record.write_text("[[1.0]]", encoding="utf-8")
+    assert main(["train", "--resume", str(folder), *QUIET]) == 1
+    assert f"{record} is damaged: its shape is (1, 1)" in capsys.readouterr().err
+    record.write_text(json.dumps([first]), encoding="utf-8")
+    main(["train", "--resume", str(folder), *QUIET])
+    assert "the training has failed: after" in capsys.readouterr().err
+    for name in (run_folder.FINAL, run_folder.BEST):
+        assert weights(folder / name) == weights(run / name)
+    assert not record.parent.exists()
+
+
+def test_a_run_resumed_right_after_the_refinement_is_the_same(run, tmp_path):
+    again = shutil.copytree(run, tmp_path / "run")
+    for checkpoint in run_folder.checkpoints(again)[:-1]:
+        checkpoint.unlink()
+    main(["train", "--resume", str(again), *QUIET])
+    assert weights(again / run_folder.FINAL) == weights(run / run_folder.FINAL)
 
 
 @pytest.mark.slow("the maps of a report")

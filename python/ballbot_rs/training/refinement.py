@@ -12,7 +12,9 @@ Most robots are easy, so policies can be tried on a part of the robots: on which
 """
 
 import importlib
+import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +22,7 @@ import numpy.typing as npt
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from ballbot_rs import _files
 from ballbot_rs._core import SAME_ROBOT, Batch, Controller, Params, State
 from ballbot_rs._extras import require
 from ballbot_rs.envs._batch_env import new_batch
@@ -60,7 +63,13 @@ _EVERY: Final = 4
 
 
 def refine(
-    model: BaseAlgorithm, trials: "Trials", law: Controller, ties: Ties, seed: int, tell: Callable[[str], None]
+    model: BaseAlgorithm,
+    trials: "Trials",
+    law: Controller,
+    ties: Ties,
+    seed: int,
+    tell: Callable[[str], None],
+    record: Path | None = None,
 ) -> None:
     """Replaces the actor of a fitted policy by the average policy of the evolution's last half, if it is better.
 
@@ -71,6 +80,12 @@ def refine(
         ties: between the weights of the actor.
         seed: of the evolution.
         tell: called with the parts of the objective.
+        record: a file that keeps the objective of each policy. An interrupted evolution from the same fit continues
+            after the generations in it, as if it had not been interrupted.
+
+    Raises:
+        ValueError: the record is damaged.
+        OSError: it cannot be read or written.
     """
     settings = trials.settings
     policy: Any = model.policy
@@ -91,11 +106,17 @@ def refine(
         return value
 
     fit, means = tried(optimizer.mean, "the fit"), []
+    values = [] if record is None or not record.exists() else _read(record, settings.population)
+    known = len(values)
     for generation in range(1, settings.generations + 1):
         candidates = [optimizer.ask() for _ in range(settings.population)]
-        optimizer.tell([(one, -objective(trials.parts(space.network(one)))) for one in candidates])
+        if generation > known:
+            values.append([float(objective(trials.parts(space.network(one)))) for one in candidates])
+            if record is not None:
+                _files.write(record, json.dumps(values))
+        optimizer.tell([(one, -value) for one, value in zip(candidates, values[generation - 1], strict=True)])
         means.append(optimizer.mean.copy())
-        if generation % _EVERY == 0:
+        if generation > known and generation % _EVERY == 0:
             tried(optimizer.mean, f"refined for {generation} generations")
     # What the last means have by chance of the robots that they were tried on averages out.
     average = np.mean(means[settings.generations // 2 :], axis=0)
@@ -104,6 +125,18 @@ def refine(
     with torch.no_grad():
         for layer, (weights, _) in zip(layers, space.network(average), strict=True):
             layer.weight.copy_(torch.as_tensor(weights, dtype=torch.float32))
+
+
+def _read(record: Path, population: int) -> list[list[float]]:
+    """The objective of each policy of the generations so far."""
+    try:
+        values = np.array(json.loads(record.read_text(encoding="utf-8")), dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != population or not np.isfinite(values).all():
+            raise ValueError(f"its shape is {values.shape}, expected (generations, {population}) finite numbers")
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{record} is damaged: {error}; delete it to refine from the beginning") from error
+    found: list[list[float]] = values.tolist()
+    return found
 
 
 def objective(parts: Mapping[str, Any]) -> Any:

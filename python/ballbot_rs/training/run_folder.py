@@ -25,6 +25,9 @@ EVALUATIONS = "evaluations.npz"
 BEST = "best_model.zip"
 FINAL = "final_model.zip"
 CHECKPOINTS = "checkpoints"
+#: Folder of what a refinement continues from, until it ends: a checkpoint of the fit, and the objective so far.
+FIT = "fit"
+OBJECTIVE = "objective.json"
 #: Held by the process that trains.
 LOCK = ".lock"
 

@@ -43,6 +43,8 @@ def taken(model: BaseAlgorithm, is_due: bool) -> bytes | None:
         "is_due": np.array(is_due),
         "robots": np.frombuffer(b"".join(snapshots), dtype=np.uint8),
         "sizes": np.array([len(snapshot) for snapshot in snapshots]),
+        # Of the next reset; -1 continues with the robots' own random numbers.
+        "seeds": np.array([-1 if seed is None else seed for seed in environment._seeds]),
         "episode_returns": monitor.episode_returns,
         "episode_lengths": monitor.episode_lengths,
         "episode_count": np.array(monitor.episode_count),
@@ -82,6 +84,7 @@ def give(model: BaseAlgorithm, state: State) -> None:
             raise ValueError(f"it has {len(ends)} robots, expected {environment.num_envs}")
         for i, snapshot in enumerate(np.split(state["robots"], ends[:-1])):
             environment._batch.restore(i, snapshot.tobytes())
+        environment._seeds = [None if seed < 0 else seed for seed in state["seeds"].tolist()]
         monitor.episode_returns = state["episode_returns"].copy()
         monitor.episode_lengths = state["episode_lengths"].copy()
         monitor.episode_count = int(state["episode_count"])

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib
 import math
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from ballbot_rs import _files
+from ballbot_rs._core import Controller
 from ballbot_rs._extras import require
 from ballbot_rs.control import policy_size, sb3_policy, sb3_recurrent
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
@@ -117,9 +119,11 @@ def train(
         if config.teacher is not None:
             law = teacher.fit(model, config.teacher, seed, tell, ties)
             if trials is not None and ties is not None:
-                refinement.refine(model, trials, law, ties, seed, tell)
-            # From here a run can be resumed, and the fitted policy may stay the best one.
-            Checkpoints(folder).keep(model)
+                Checkpoints(folder / run_folder.FIT).keep(model, is_due=False)
+                _refine(model, trials, law, ties, seed, tell, folder)
+            else:
+                Checkpoints(folder).keep(model)
+            # The fitted policy may stay the best one.
             keep_best.evaluate(model)
         return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
@@ -180,8 +184,13 @@ def _resume(
         )
     torch.set_num_threads(config.torch_threads)
     model = _new_model(config, folder, seed)
-    checkpoint = restore_newest(model, folder)
-    _tie(model, config, tell, learn, is_new=False)
+    is_fitted = not run_folder.checkpoints(folder) and bool(run_folder.checkpoints(folder / run_folder.FIT))
+    trials, law = None, None
+    if is_fitted and config.refinement is not None and config.teacher is not None:
+        trials = refinement.Trials(config, config.refinement, seed)
+        law = teacher.best_law(model, config.teacher, seed, tell)
+    checkpoint = restore_newest(model, folder / run_folder.FIT if is_fitted else folder)
+    ties = _tie(model, config, tell, learn, is_new=False)
     if timesteps is not None and timesteps < model.num_timesteps:
         raise ValueError(f"timesteps = {timesteps}: the run has already done {model.num_timesteps} steps")
     keep_best = _keep_best(config, folder, seed)
@@ -190,13 +199,33 @@ def _resume(
     _files.delete_remains(checkpoint.parent)
     if timesteps is not None:
         _files.write(folder / run_folder.CONFIG, text)
-    if learn is not None or not _give_state(model, checkpoint, keep_best, tell):
+    continues = learn is None and _give_state(model, checkpoint, keep_best, tell)
+    if not continues:
         # The start of the run used the first random numbers: continue with others.
         model.set_random_seed(seed + model.num_timesteps)
         model._last_obs = None
         _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
+    if trials is not None and law is not None and ties is not None:
+        _refine(model, trials, law, ties, seed, tell, folder)
+    if is_fitted or not continues:
         keep_best.evaluate(model)
     return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
+
+
+def _refine(
+    model: BaseAlgorithm,
+    trials: refinement.Trials,
+    law: Controller,
+    ties: tied.Ties,
+    seed: int,
+    tell: Callable[[str], None],
+    folder: Path,
+) -> None:
+    """Refines a fitted policy, from where an earlier process ended, and keeps it in the run in place of the fit."""
+    fit = folder / run_folder.FIT
+    refinement.refine(model, trials, law, ties, seed, tell, fit / run_folder.OBJECTIVE)
+    Checkpoints(folder).keep(model)
+    shutil.rmtree(fit)
 
 
 def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tell: Callable[[str], None]) -> bool:
