@@ -117,7 +117,7 @@ def legend(results: Sequence[Result], task: str) -> list[str]:
         notes += STANDING
     if metrics:
         own = [f"{metric['name'].replace('_', ' ').capitalize()}: {metric['doc']}" for metric in metrics]
-        notes.append("; ".join(own) + "; means over the episodes that ran to their end.")
+        notes.append("; ".join(own) + "; means over the episodes that ran to completion.")
     return notes
 
 

@@ -16,7 +16,7 @@ returns the wheel torques. A `Batch` runs it on all its robots in Rust. With `ob
 the state estimate of the [estimator](estimator.md). [Laws](laws.md) has the equations of each controller, a block
 diagram, responses and a basin of attraction.
 
-A ballbot that is sent to a place first rolls away from it, which makes it lean towards the place (the motion is
+A ballbot commanded to a position first rolls away from it, which makes it lean toward the target (the motion is
 non-minimum phase). A click on the floor of [the page in the browser](web.md) shows it in slow motion.
 
 <!-- scene: speed=0.1&compare=cascade_pid -->

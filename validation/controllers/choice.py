@@ -1,15 +1,15 @@
 """Which controller for which robot.
 
-Robots that differ from the parameters their controller is designed for: 20 per cell, on the task `balance`, from starts
+Robots that differ from the model their controller was designed for: 20 per cell, on the task `balance`, from starts
 within 5°. The number is the distance of the ball from the setpoint from 10 s to 20 s, RMS over the robots that stay
-upright, in mm; falls are counted. Nothing is known to the controllers: neither the center of mass, 0.5° off seen from
-the ball's center, nor Coulomb friction in the wheel joints of 5 % of the torque that makes a wheel slip, nor the delay
-of the motors, nor the slope.
+upright, in mm; falls are counted. The controllers know none of the deviations: neither the center of mass, 0.5° off as
+seen from the ball's center, nor Coulomb friction in the wheel joints of 5 % of the torque that makes a wheel slip, nor
+the delay of the motors, nor the slope.
 
-`lqr` with `lean_observer=4` is the choice for a robot that must be in place: it estimates the equilibrium, which a
-center of mass and a slope shift. The other controllers rest where the torque of their position error holds the
-disturbance. Friction in the joints leaves all of them in a small limit cycle, `lqr_pi` often in the smallest. Where
-nothing differs, `lqr` needs no more.
+`lqr` with `lean_observer=4` is the best choice if the robot must hold its position: it estimates the equilibrium, which
+a center-of-mass offset or a slope shifts. The other controllers come to rest where the torque from their position error
+balances the disturbance. Joint friction leaves all of them in a small limit cycle, often smallest with `lqr_pi`. Where
+nothing differs, plain `lqr` is enough.
 """
 
 from collections.abc import Mapping

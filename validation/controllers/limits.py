@@ -21,8 +21,8 @@ lifts, and no motor exceeds its torque limit, if for all wheels
 with $\rho$ = `traction`, 0.9 by default. Each row is $c + g\cdot\tau \le 0$, so the largest feasible fraction of a
 commanded torque is $s = 1/\max(1, \max_j g_j\cdot\tau/(-c_j))$, without iteration. The commanded torque has two parts:
 the yaw torque, which turns the body about the vertical, and the rest. The rest is scaled first, by its largest $s$;
-then the yaw torque, by the largest fraction that is still feasible. A torque within all rows does not change, to the
-last bit.
+then the yaw torque, by the largest fraction that is still feasible. A torque that satisfies all rows is passed through
+unchanged, to the last bit.
 
 The load floor matters: $\lvert f_i\rvert \le \mu N_i$ by itself allows a torque that unloads the third wheel, and the
 bot lifts off its ball. Where a wheel slips nevertheless (by more than 0.1 m/s, for example after a push that lifts it),
@@ -34,16 +34,16 @@ that drives its wheel into slip is reduced further, to zero at most, by
 ```
 
 with the inertia $J_w$ of wheel and rotor, the slip speed $v_i$ and control steps of $T$. At its full torque a wheel
-whose load has dropped spins up until the robot falls: in some directions `lqr` lost rezero after pushes at once of a
-tenth of what it withstands now. On estimates ([sensors](sensors.md)) the wheel speeds are quantized in steps of
-$2\pi r_w/(nT)$ for $n$ ticks per turn: where such a step is above 0.1 m/s, as with 512 ticks at 500 Hz, one tick counts
-as slip, and lowers torques.
+whose load has dropped spins up until the robot falls: without this reduction, `lqr` lost rezero in some directions
+after impulsive pushes of a tenth of what it withstands now. On estimates ([sensors](sensors.md)) the wheel speeds are
+quantized in steps of $2\pi r_w/(nT)$ for $n$ ticks per turn: where such a step is above 0.1 m/s, as with 512 ticks at
+500 Hz, one tick counts as slip, and lowers torques.
 
-Two options of every controller limit the motion: `speed_limit` and `boundary`. A control barrier before this stage
-keeps them: [limits of the motion](safety.md#limits-of-the-motion).
+Two options of every controller limit the motion: `speed_limit` and `boundary`. A control barrier function ahead of this
+stage enforces them: [limits of the motion](safety.md#limits-of-the-motion).
 
-The friction of the wheel joints does not reach the ball. All laws are designed for the robot without it, and it is
-added to the torques at the very end, within the largest torque, at the present speed $\omega_i$ of each wheel:
+Friction in the wheel joints does not reach the ball. All laws are designed for the robot without it, and a compensation
+torque is added at the very end, within the torque limit, from the current speed $\omega_i$ of each wheel:
 
 ```math
 b\,\omega_i + c\,\frac{\omega_i}{\sqrt{\omega_i^2 + \omega_0^2}},
@@ -57,17 +57,17 @@ limit, too. By default it is 0.9 of what the wheels of the upright robot transmi
 `max_wheel_torque=params.max_wheel_torque` leaves only the controller's limits; `compare`, `evaluate` and this page use
 it.
 
-**Clipped errors.** In LQR a position error commands a speed, and errors of position and velocity command a lean:
+**Clipped errors.** In LQR, a position error commands a speed, and position and velocity errors command a lean:
 $\vartheta_r = -K_\vartheta^+ K_e e$, with the columns $K_\vartheta$ and $K_e$ of its gain. Both are clipped as vectors,
 to `max_speed` and `max_lean`. Without the clips the position error uses up the torque that balancing needs.
 
-`traction=False` and large `max_lean` and `max_speed` turn both off. The tables have the worst case and the mean over 24
-directions of two disturbance limits: the largest tilt from which the robot recovers, released at rest, in steps of
-0.5°; and the largest push at the center of mass, in steps of 0.05 N·s, at once or along a half sine of 0.1 s. Bounds of
-a planar robot in the worst direction: 29.7° is the largest tilt at which traction can turn the robot back, 2.41 N·s the
-largest push that does not bring the capture point beyond what the upright robot's traction holds. Measured limits may
-exceed both: the bounds use the dynamic coefficient of friction, while wheels that grip have the static coefficient, and
-leaning loads the wheels that pull.
+`traction=False` turns off the traction scaling, large `max_lean` and `max_speed` the clipping. The tables have the
+worst case and the mean over 24 directions of two disturbance limits: the largest tilt from which the robot recovers,
+released at rest, in steps of 0.5°; and the largest push at the center of mass, in steps of 0.05 N·s, applied
+instantaneously or as a half sine of 0.1 s. Bounds of a planar robot in the worst direction: 29.7° is the largest tilt
+at which traction can turn the robot back, 2.41 N·s the largest push that does not move the capture point beyond what
+the upright robot's traction can hold. Measured limits may exceed both: the bounds use the dynamic coefficient of
+friction, while wheels that grip have the static coefficient, and leaning loads the wheels that pull.
 """
 
 from functools import cache

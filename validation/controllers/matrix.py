@@ -1,11 +1,11 @@
 r"""The matrix.
 
 All controllers in all [scenarios](scenarios.md), with default options, the same episodes and the same last stage;
-[other tunings](#default-published-and-tuned) are below. In scenarios that search a limit, the number is the largest
+[other tunings](#default-published-and-tuned) are below. In scenarios that search for a limit, the number is the largest
 tilt or push up to which all robots recover, in the worst of 12 or 24 directions. In the others it is the error in the
-worst direction or, over random episodes, the mean of the worse half (CVaR 0.5). The policy is the policy for balancing
-that comes with the package; it and `pid` have no scenarios with motions. `mppi` and `nmpc` have only
-scenarios with few robots, because their decisions take milliseconds.
+worst direction or, over random episodes, the mean of the worse half (CVaR 0.5). The column `policy` is the balancing
+policy that comes with the package; it and `pid` have no scenarios with motions. `mppi` and `nmpc` have only scenarios
+with few robots, because their decisions take milliseconds.
 
 No single number ranks the controllers. The figure has a row per controller: the error on a fast circle, the worst-case
 push limit with increasing delay, and the worst-case tilt limit with decreasing friction of the wheels; below, the tilts

@@ -1,8 +1,8 @@
 r"""Default, published and tuned.
 
-The same control law with other parameters is another controller. Each law has its default options; published options,
-where a source has all parameters of the law and of its robot; and options that a search with the same budget for all
-found.
+The same control law with different parameters is effectively a different controller. Each law is tested with its
+default options; with published options, where a source gives all parameters of the law and of its robot; and with
+options that a search with the same budget for all found.
 
 **Published** loops are transferred to the paper's robot through their poles, scaled by the ratio of $\lambda$ of the
 two robots. The linear regulators `lqr` and `mpc` have weights that follow from poles in closed form: with $w = s^2$ and
@@ -12,18 +12,18 @@ the [plane](laws.md#one-vertical-plane)
 p(s) p(-s) = w^2(w - \lambda^2)^2 + (q_y - q_{\dot y} w)(g_\theta - \ell w)^2 + q_\theta w^2 - q_{\dot\theta} w^3 ,
 ```
 
-one more weight in each coefficient. OCS2's weight of the lean would be negative and is set to zero, which
-moves its poles by less than 5 %. The numbers are in [`published.toml`](../validation/controllers/published.toml): the
-LQR and the input-output linearization of CMU's ballbot, the weights of OCS2's NMPC, of which `mpc` has the regulator,
-and Kugle's calm sliding mode (its firmware forbids the aggressive tuning under a velocity loop), with the default
+one more weight in each coefficient. OCS2's weight of the lean would be negative and is set to zero, which moves its
+poles by less than 5 %. The numbers are in [`published.toml`](../validation/controllers/published.toml): the LQR and the
+input-output linearization of CMU's ballbot, the weights of OCS2's NMPC, of which `mpc` implements only the regulator
+part, and Kugle's calm sliding mode (its firmware forbids the aggressive tuning under a velocity loop), with the default
 position loop. `pid` has the paper's gains by default.
 
 **Tuned** options were found by `bb.tune` with 2000 evaluations per law and the same seed for all, from the default
 options; `mppi` and `nmpc` are too slow for this. The cost is the mean of a push, a line, a circle and the torque of
-station keeping on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid` only of the first and the
-last. They are in [`tuned.toml`](../validation/controllers/tuned.toml), made by
-`python -m validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All
-tunings have the same last stage.
+station keeping on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid`, it is the mean of only the
+first and the last. They are in [`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m
+validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All tunings have
+the same last stage.
 
 The figure has a row per law: the error on a fast circle, the worst-case push limit, and the torque due to noise.
 """

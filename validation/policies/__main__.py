@@ -21,17 +21,17 @@ ballbot view --controller assets/policies/velocity.onnx
 ballbot evaluate --controller assets/policies/path.onnx --controller lqr --episodes 200 --engine mujoco
 ```
 
-A [controller](controllers.md) needs no training and is the better choice where the table names the law: a policy earns
-its place by more than a tie. `ballbot train TASK --robot ROBOT` trains a policy of [any task for any
-robot](#all-tasks-on-all-robots), and [one policy](#one-policy-for-any-robot) balances any robot.
+A [classical controller](controllers.md) needs no training and is the better choice where the table lists the law as
+better: a policy is worth choosing only if it does better than tie. `ballbot train TASK --robot ROBOT` trains a policy
+for [any task on any robot](#all-tasks-on-all-robots), and [one policy](#one-policy-for-any-robot) balances any robot.
 
 {better}
 
-`OnnxPolicy(file).controller(robot)` is a policy as a [controller](controllers.md): in Rust, for one robot or for all
+`OnnxPolicy(file).controller(robot)` wraps a policy as a [controller](controllers.md): in Rust, for one robot or for all
 robots of a `Batch`, and following setpoints. A policy of `balance` or `push` observes the robot in the frame of the
-setpoint's motion, and its torques are added to the torques of the motion, as of the robot that is named; policies of
-`goal` and `velocity` follow a place, and a velocity. It needs the extra `export`. Where a task is named, `evaluate`,
-`simulate`, `record`, `plot` and `view` use an ONNX policy of another task in this way:
+setpoint's motion, and its torques are added to the feedforward torques of the motion, computed for the given robot;
+policies of `goal` follow a position, and policies of `velocity` a velocity. This needs the extra `export`. If a task is
+given, `evaluate`, `simulate`, `record`, `plot` and `view` use an ONNX policy of another task in this way:
 
 ```python
 import ballbot_rs as bb
@@ -43,11 +43,11 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
-Driven in this way by commands to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each preset. Its settled
-errors are 0.5 cm/s (paper), 3.0 (kugle), 2.6 (asroballet) and 0.5 (rezero) without turns, and 1.4, 6.5, 3.0 and 0.5
-with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero: kugle's ball spins at 30 rad/s under the body that
-turns, and the heading swings about the command. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any
-preset. The policy `velocity` and the laws are the better choice for commands that turn.
+Driven this way with velocity commands of up to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each
+preset. Its settled errors are 0.5 cm/s (paper), 3.0 (kugle), 2.6 (asroballet) and 0.5 (rezero) without turns, and 1.4,
+6.5, 3.0 and 0.5 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero: kugle's ball spins at 30 rad/s
+under the body that turns, and the heading oscillates about the command. On a circle of 0.5 m in 12 s it falls from none
+of 24 starts on any preset. The policy `velocity` and the laws are the better choice for commands that turn.
 
 ```sh
 ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot kugle --episodes 50 --set speed=0.5
@@ -55,11 +55,11 @@ ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot 
 
 `make policies` trains three seeds per policy with the configurations in `python/ballbot_rs/training/configs/`, ships
 the policy of seed 0, writes everything on this page except the text, and fails if a claim does not hold. An evaluation
-has 200 episodes (50 in MuJoCo), with the starts and commands of seeds 1000 and up, which no training uses. Policies are
-trained on `contact`; `rigid` is the same robot in rapier, MuJoCo a model of the same parameters in another engine, with
-the contact frames turned as in [verification](verification.md). The limits of the claims were set before the policies
-were trained. In brackets: 95 % intervals, Wilson's for fractions, and for means a bootstrap over episodes. Metrics are
-means over the episodes that ran to their end.
+has 200 episodes (50 in MuJoCo), with starts and commands from seeds 1000 and up, which are never used in training.
+Policies are trained on `contact`; `rigid` is the same robot in rapier; MuJoCo is a model with the same parameters in
+another engine, with the contact frames turned as in [verification](verification.md). The limits of the claims were set
+before the policies were trained. In brackets: 95 % intervals, Wilson's for fractions, and for means a bootstrap over
+episodes. Metrics are means over the episodes that ran to completion.
 """
 
 

@@ -57,24 +57,24 @@ _LARGEST_ERROR: Final = 0.02
 _TEXT = """
 `assets/policies/balance-any.onnx`: seed 0 of `ballbot train any`. It is fitted to `lqr` on 512 robots of the
 [family](randomization.md#families-of-robots) with wider ranges of height, friction and inertia, and [refined by
-evolution](training.md#one-policy-for-any-robot) on 72 of 396 such robots, 12 of them slow and 24 the hardest for the
-fit; none is a robot of the package. It observes the last 0.24 s. Of a robot it is given the scales of torques, lengths
-and times, and its estimator the dimensions, nothing else. The robots here were not in the training. All have the
-sensors of kugle, and start as the task does. A law that is *given* the robot is designed for its true parameters, delay
-and floor, a law of the *nominal* robot for the robot before events. "In place" is upright, and over the last 2 s within
-0.1 m of the setpoint and within 1° of upright; with `wide`, whose robots lean at rest, within 5.7°
-(`success_tilt=0.1`). In brackets its 95 % interval.
+evolution](training.md#one-policy-for-any-robot) on 72 of 396 such robots, including 12 slow ones and the 24 hardest for
+the fit; none is a robot of the package. It observes the last 0.24 s. All it knows about a robot is the scales of
+torque, length and time; its estimator also knows the dimensions. The robots here were not seen in training. All have
+the sensors of kugle and start from the initial states of the task. A law that is *given* the robot is designed for its
+true parameters, delay and floor; a law of the *nominal* robot is designed for the robot before events. "In place" means
+upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of upright; with `wide`, whose robots lean at
+rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
 
-Of the largest push at once, in the worst of 24 directions, it withstands 91 % (paper), 93 % (asroballet), 92 % (kugle)
-and 93 % (rezero) of what `lqr` does, which knows the robot; it recovers from 96 to 106 % of the law's tilts. The law is
-the better choice for a robot that is known. An action of 1 is 0.4 N·m on the paper's robot, and on another as large in
-proportion to the torque that holds its largest lean, within the limit of its motors.
+The largest impulsive push it survives, in the worst of 24 directions, is 91 % (paper), 93 % (asroballet), 92 % (kugle)
+and 93 % (rezero) of what `lqr`, which knows the robot, withstands; it recovers from tilts of 96 to 106 % of the law's.
+The law is the better choice if the robot is known. An action of 1 is 0.4 N·m on the paper's robot, and on any other
+robot equally large in proportion to the torque that holds its largest lean, within the limit of its motors.
 
 Where it falls short: under `wide` rezero is in place in 55 % of the episodes, less than with a law that is designed for
 the nominal robot, though upright in more. On asroballet and kugle it rocks about its setpoint, by 2 to 3 cm/s (RMS), at
-rest as well as under way, which is the error of commands that go straight there; kugle swings about a command that
-turns. The last table is of the task `velocity` with its defaults and the sensors of kugle; the law is designed for the
-nominal robot.
+rest as well as in motion, which accounts for its error under straight-line commands there; kugle oscillates about a
+command that turns. The last table is of the task `velocity` with its defaults and the sensors of kugle; the law is
+designed for the nominal robot.
 """
 
 

@@ -17,8 +17,8 @@ MARGIN = 0.03 + 1e-9
 
 _TEXT = """
 Seed 0 of `ballbot train TASK --robot ROBOT`, with no other option, and the best of `lqr`, `lqr_pi` and `cascade_pid` in
-the same episodes: the success of the policy, the success of the law, and the steps and seconds of PPO after the fit,
-which takes 30 to 50 s. Each training ran on one core of two that were busy.
+the same episodes: the success rate of the policy and of the law, and the steps and seconds of PPO after the fit,
+which takes 30 to 50 s. Each training run used one of two busy cores.
 """
 
 

@@ -24,7 +24,8 @@ LIMITS: Final = (None, 0.1, 0.08)
 
 _TEXT: Final = """
 The wheels have a friction coefficient below 1, which neither the policies nor LQR are given. LQR limits its torques to
-what traction allows at μ = 1, so slippery wheels slip. The policies were trained by PPO on robots with random friction:
+what traction allows at μ = 1, so on slippery wheels its torques cause slip. The policies were trained by PPO on robots
+with random friction:
 
 ```sh
 ballbot train balance --seed 0 --run runs/slippery --timesteps 278528 \\
@@ -34,11 +35,11 @@ ballbot evaluate runs/slippery --controller lqr --episodes 200 \\
   --set 'events=[{"term": "wheel_dynamic_friction", "range": [0.2, 0.2]}]'
 ```
 
-A lower torque limit of LQR (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) holds down to μ = 0.2 as well. No limit
-that we tried holds both large tilts on dry wheels and small tilts on the most slippery wheels. An LQR that is designed
-for the true friction is in [off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each number is the
-percentage of 200 episodes without a fall; bands in the figure are the range of the seeds and, for LQR, Wilson's 95 %
-intervals.
+LQR with a lower torque limit (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) also keeps the robot upright down to μ
+= 0.2. No limit that we tried works both for large tilts on dry wheels and for small tilts on the most slippery wheels.
+An LQR designed for the true friction is in [off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each
+number is the percentage of 200 episodes without a fall; bands in the figure are the range of the seeds and, for LQR,
+Wilson's 95 % intervals.
 """
 
 Rates = Mapping[str, Sequence[float]]

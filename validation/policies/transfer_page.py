@@ -18,7 +18,7 @@ Judges: `contact` is the simulator of the training; `rigid` is the same robot in
 parameters in another engine, with the contact frames turned as in [verification](verification.md). *Sensors* are
 Kugle's sensors with the estimator; *delay* is a delay of the torques. The others change the robot without informing the
 policies or LQR. 100 episodes each (20 in MuJoCo), with the starts and commands of seeds 1000 and up, the same for all;
-in brackets 95 % intervals. Metrics are means over the episodes that ran to their end. The limits were set before the
+in brackets 95 % intervals. Metrics are means over the episodes that ran to completion. The limits were set before the
 first run; the judges' random robots differ from the training's.
 
 Under `mild` and `hard` the success of a balancing episode is not a measure of the controller: no controller succeeds

@@ -10,7 +10,7 @@ from validation.topic import Findings, Topic
 
 _HEAD = """# Off-nominal robots
 
-What a real robot has and the nominal robot lacks: each effect with its closed form, and its consequences for
+What a real robot has and the nominal robot lacks: each effect with its closed-form solution, and its consequences for
 controllers that were designed without it. `make robots` writes everything on this page except the text, and fails if a
 claim does not hold.
 
@@ -19,9 +19,9 @@ the starts of `ballbot evaluate`. LQR (100 Hz) and the policy that comes with th
 robot with ideal motors; "LQR made for it" is designed for the changed robot. *Success* is defined by the task: at the
 end the ball is within 0.1 m and the tilt within 1°. *Upright* is the fraction of episodes without a fall. *Position
 rms* is the distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate
---json`. LQR also turns the robot to its heading, from up to 180° away, which takes torque and wheel speed; the policy
-leaves it. Each figure has the closed form (lines) with the simulation (dots), the fraction of upright robots, and the
-position rms.
+--json`. LQR also turns the robot to the commanded heading, from up to 180° away, which takes torque and wheel speed;
+the policy leaves the heading alone. Each figure shows the closed-form solution (lines) with the simulation (dots), the
+fraction of upright robots, and the position rms.
 
 `ballbot view` has sliders for most of these effects. Parameters are in [conventions](conventions.md#parameters),
 motors in [actuators](actuators.md), random robots in [randomization](randomization.md).

@@ -2,7 +2,7 @@ r"""A center of mass off the mast.
 
 With the CoM at $(d, 0, l)$ in the body frame (`body_com_offset`, `body_com_height`) the robot leans in equilibrium, to
 the opposite side, by $\varphi = \arctan(d/l)$. A controller that assumes the mast to be vertical in equilibrium
-measures this tilt permanently. LQR commands $-K x$; at rest the torque must be zero, so that with the gains of
+sees this tilt as a constant error. LQR commands $-K x$; at rest the torque must be zero, so that with the gains of
 position, $k_x$, and of tilt, $k_\vartheta$, the ball rests off its setpoint by
 
 $$e = \frac{k_\vartheta}{k_x}\ \varphi,$$

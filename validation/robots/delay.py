@@ -2,8 +2,8 @@ r"""Delay of the motors.
 
 A command acts $d$ later (`actuators={"delay": d}`): $u(t - d)$. The sampled loop of LQR is linear in the states of the
 linear model and the delayed commands. Its largest eigenvalue passes 1 between 56 and 58 ms. Falls from the starts of
-the task occur earlier, because large tilts need torques beyond the limit. The policy has a higher gain: above 12 ms its
-wheels oscillate, and at 50 ms the robot stays up but oscillates by more than 1°.
+the task occur earlier, because large tilts need torques beyond the limit. The policy has a higher gain: with more than
+12 ms of delay, its wheels oscillate, and at 50 ms the robot stays up but oscillates by more than 1°.
 """
 
 import numpy as np

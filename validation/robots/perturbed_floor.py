@@ -7,13 +7,13 @@ patches in which its friction is multiplied by a factor (`floor_patch_friction`,
 to an accelerating floor a ball rolls with $-a/(1+\gamma)$, $\gamma = J_k/(M_k r_k^2)$; and a tram that accelerates
 steadily is a slope of $\arctan(a/g)$ with the gravity $\sqrt{g^2 + a^2}$.
 
-The table has what each preset withstands with the law made for it, in 50 episodes of 10 s of the balance task with
-random phases and headings. *Holds*: none falls, and the ball stays within 0.5 m of its setpoint (root mean square);
-*upright*: none falls, up to the largest that was tried, 23° and 6 m/s². Laws assume a level floor at rest. `lqr` holds
-the ball near its setpoint until its lean is limited, and then lets the ball roll along, upright; `lqr_pi` is nearer to
-its setpoint on gentle floors, and falls on others. *Patches* is the smallest factor $f$ with which, in the velocity
-task, no more of 50 episodes fall than on a dry floor: as the commanded speed changes gently, robots need little
-friction.
+The table shows what each preset withstands with the law designed for it, in 50 episodes of 10 s of the balance task
+with random phases and headings. *Holds*: none falls, and the ball stays within 0.5 m of its setpoint (root mean
+square); *upright*: none falls, up to the largest values tried, 23° and 6 m/s². Laws assume a level floor at rest. `lqr`
+holds the ball near its setpoint until its lean is limited, and then lets the robot roll along, upright; `lqr_pi` is
+nearer to its setpoint on gentle floors, and falls on others. *Patches* is the smallest factor $f$ with which, in the
+velocity task, no more of 50 episodes fall than on a dry floor: as the commanded speed changes gently, robots need
+little friction.
 """
 
 import math

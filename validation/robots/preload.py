@@ -1,23 +1,23 @@
 r"""Preload of the wheels.
 
 Springs, magnets or a keeper below the ball's equator press the wheels on the ball with $P$ (`wheel_preload`), beyond
-the weight. The load of each wheel grows, in any motion, to
+the weight. The load of each wheel grows in any motion; upright at rest, it is
 
 $$N = \frac{M_b g + P}{3\cos\alpha}$$
 
-upright at rest; the load of the floor stays the weight, and a robot that rolls moves as without it
+The load on the floor remains the weight, and a rolling robot moves as it would without preload
 ([preload](derivations.md#preload)). So wheels slip later: three equal torques break loose at a torque in proportion to
 $N$.
 
 The second table has each preset with LQR made for it, which uses the traction: the largest tilt from which it recovers
 ([scenario](scenarios.md) `S2-rest`) and the largest push that it withstands (`S3-at-once`), in the worst of 24
-directions, and next to them the tilt that traction and motors can hold and the push with which the capture point is
-within it (`Scale`).
+directions, and next to them the tilt that traction and motors can hold and the push that moves the capture point to
+that limit (`Scale`).
 
 Where traction is the limit, tilts grow with the preload: the paper's robot recovers from twice the tilt at one weight.
-Then other limits are met. The motors limit kugle at any preload and asroballet above half a weight, so that more gains
-nothing; and the friction of the floor, which the preload does not load, is the same. Pushes gain less than tilts: from
-none to two weights three quarters on the paper's robot, where the capture push triples.
+Then other limits take over. The motors limit kugle at any preload and asroballet above half a weight, so that more
+gains nothing; and the friction of the floor, which the preload does not load, is the same. The push limit gains less
+than the tilt limit: from none to two weights three quarters on the paper's robot, where the capture push triples.
 """
 
 import dataclasses

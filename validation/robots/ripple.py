@@ -5,9 +5,9 @@ A wheel of rollers is not round: between two rollers its radius is less by $A$ (
 $\dot\psi$; with all wheels in phase, as when the ball spins below an upright robot, by $A/\cos\alpha$ from top to
 bottom.
 
-The gyroscope has lines at these frequencies, which no filter of the control rate takes out at low speed. The second
-table is of a robot that LQR drives towards its first wheel, which then stops; the other two turn at
-$\frac{\sqrt3}{2}\cos\alpha\ v/r_w$. Its first row is what the round wheels leave. The sweep is over $A$, with phases
+The gyroscope spectrum has lines at these frequencies, which no filter running at the control rate can remove at low
+speed. The second table is of a robot that LQR drives towards its first wheel, which then stops; the other two turn at
+$\frac{\sqrt3}{2}\cos\alpha\ v/r_w$. Its first row is the baseline with round wheels. The sweep is over $A$, with phases
 of the wheels that differ from robot to robot.
 """
 

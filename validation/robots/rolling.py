@@ -5,10 +5,10 @@ opposes spinning about the vertical ([losses](derivations.md#losses)). A rolling
 $(c_r/r_k)(M_b + M_k)g$, a spinning ball the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1
 mm to 3 mm on a carpet.
 
-No robot falls, but near rest they hunt: the ball sticks, the body continues to lean, and the ball breaks loose. At 2 mm
-LQR misses the success criterion at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
-Sticking friction creeps, in proportion to the time step: in steps of 0.2 ms instead of 2 ms the
-position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--set sim_dt=0.0002`). LQR made for the robot is the same LQR,
+No robot falls, but near rest the robots hunt: the ball sticks, the body continues to lean, and the ball breaks loose.
+At 2 mm LQR misses the success criterion at the end of one episode in eleven. Beyond 3 mm the friction damps the
+hunting. Sticking friction creeps, in proportion to the time step: in steps of 0.2 ms instead of 2 ms the position rms
+of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--set sim_dt=0.0002`). An LQR designed for this robot is the same LQR,
 because dry friction has no derivative at rest.
 """
 

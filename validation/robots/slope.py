@@ -7,7 +7,7 @@ floor's normal the lean is
 $$\lambda = \theta + \arcsin\frac{(M_k + M_b) r_k \sin\theta}{M_b l},$$
 
 more than twice the slope. A controller that assumes level ground commands $-K x$. At rest this must be the torques
-$\tau$ that hold the robot, so that LQR rests downhill of its setpoint by $e$ from
+$\tau$ that hold the robot, so under LQR the robot rests downhill of its setpoint by $e$, where
 
 $$-k_x e = \tau + k_\vartheta \lambda,$$
 

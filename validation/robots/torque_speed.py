@@ -9,7 +9,7 @@ $$\dot\psi(t) = \omega_0(1 - (1 - h/T)^{t/h}),\qquad T = \omega_0/\ddot\psi_0,$$
 
 with $\ddot\psi_0$ the acceleration under $\tau_s$ and $h$ the model step, in which the torque is held. The table
 has $\tau_s$ = 0.3 N·m, a little above the largest torque of the policy. LQR falls because it turns the robot to
-its heading, which takes most of the wheel speed: from starts at this heading (`--set reset_yaw=0`) it does not.
+its heading, which takes most of the wheel speed: started at this heading (`--set reset_yaw=0`), it does not.
 """
 
 from typing import TYPE_CHECKING

@@ -6,9 +6,9 @@ the contacts:
 
 $$N = M_b g\ P^{-1} e,\qquad P = (p_0\ p_1\ p_2).$$
 
-In the table wheel 1, by default at 120°, is turned towards wheel 2. A controller that is not made for this drives in a
-wrong direction. LQR made for the robot drives in the right direction, and limits its torques by the loads of these
-wheels.
+In the table wheel 1, by default at 120°, is turned towards wheel 2. A controller that is not designed for this drives
+in the wrong direction. LQR made for the robot drives in the right direction, and limits its torques by the loads of
+these wheels.
 """
 
 from typing import TYPE_CHECKING
