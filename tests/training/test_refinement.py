@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
+from stable_baselines3 import PPO
 
 import ballbot_rs as bb
 from ballbot_rs.envs.family import sample_robots
@@ -80,7 +82,7 @@ def test_the_starts_are_fractions_of_what_the_law_recovers_from(trials):
     grid = np.concatenate([found[..., None] * FRACTIONS[:-1], 1.1 * found[..., None]], axis=-1)
     trials._reset(*trials._begin(grid))
     upright = np.ones(trials._starts.num_envs, dtype=bool)
-    for _ in range(refinement.STEPS):
+    for _ in range(trials.steps):
         upright &= ~trials._starts.step(trials._starts.control(law(), privileged=True, drawn=True))[2]
     recovered = trials._by_start(upright)
     assert recovered.shape == (2, 1, len(FRACTIONS), len(AZIMUTHS))
@@ -140,7 +142,8 @@ def test_evolution_improves_on_the_fit(fitted):
     for parameter in model.policy.action_net.parameters():
         parameter.data *= 0.7
     trials, told = Trials(WHOLE, settings, seed=0), []
-    refinement.refine(model, trials, law(), ties, 0, told.append)
+    trials.measure(law())
+    refinement.refine(model, trials, ties, 0, told.append)
     values = {text.split(": ")[0]: float(text.split(": ")[1].split(",")[0]) for text in told}
     average = "the average of the last half of the generations"
     assert list(values) == ["the fit", "refined for 4 generations", average]
@@ -150,12 +153,51 @@ def test_evolution_improves_on_the_fit(fitted):
     assert trials.robots == 2
 
 
+def test_robots_have_their_own_azimuths_and_trials_last_as_long_whatever_the_control_step(fitted):
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}])
+    whole = Trials(WHOLE, settings, seed=0)
+    whole.measure(law())
+    before = whole._azimuths
+    assert len(np.unique(np.round(before % (2.0 * np.pi), 6))) == before.size
+    impulses = whole._impulses.reshape(5, 2, len(FRACTIONS), len(AZIMUTHS), 3)[:, 1]
+    np.testing.assert_allclose(np.exp(1j * before), np.exp(1j * np.arctan2(impulses[..., 1], impulses[..., 0]))[:, 0])
+    whole.keep_hardest(network_of(fitted[0]), 2, 0)
+    assert {tuple(row) for row in whole._azimuths} < {tuple(row) for row in before}
+    faster = dataclasses.replace(WHOLE, env={**WHOLE.env, "control_dt": 0.002})
+    assert Trials(faster, SETTINGS, seed=0).steps == 5 * whole.steps
+
+
+def test_what_no_robot_limits_counts_as_reached(fitted, monkeypatch):
+    """The law withstands no push: the objective is a number, and the fit is compared with the average."""
+    monkeypatch.setattr(refinement, "_LEAST_PUSH", 1e6)
+    found = Trials(WHOLE, SETTINGS, seed=0)
+    found.measure(law())
+    parts = found.parts(network_of(fitted[0]))
+    assert (parts["push limit"], parts["push starts"]) == (1.0, 1.0)
+    assert np.isfinite(objective(parts))
+
+
+def test_robots_that_no_law_can_be_tried_on_are_named():
+    heavy = {"family": 1, "ranges": {"body_mass": [1e4, 1e4]}}
+    with pytest.raises(ValueError, match=r"refinement\.robots: impulse\[0\] = "):
+        Trials(WHOLE, dataclasses.replace(SETTINGS, robots=[heavy]), seed=0).measure(law())
+
+
+def test_a_policy_without_hidden_layers_or_with_another_activation_is_rejected():
+    for policy in ({"net_arch": {"vf": [8]}}, {"net_arch": [6], "activation_fn": torch.nn.ReLU}):
+        model = PPO("MlpPolicy", bb.BallbotVecEnv(8), n_steps=8, batch_size=16, policy_kwargs=policy)
+        with pytest.raises(ValueError, match=r"\[refinement\]: the policy needs hidden layers with tanh"):
+            refinement.network_of(model)
+
+
 def test_a_fit_stays_if_evolution_does_worse(fitted, monkeypatch):
     model, ties = fitted
     before = network_of(model)
     values = iter(range(100, 0, -1))
     monkeypatch.setattr(refinement, "objective", lambda _: next(values))
-    refinement.refine(model, Trials(WHOLE, SETTINGS, seed=0), law(), ties, 0, lambda _: None)
+    found = Trials(WHOLE, SETTINGS, seed=0)
+    found.measure(law())
+    refinement.refine(model, found, ties, 0, lambda _: None)
     for (weights, _), (kept, _) in zip(before, network_of(model), strict=True):
         np.testing.assert_array_equal(weights, kept)
 
@@ -168,7 +210,12 @@ def test_a_fit_stays_if_evolution_does_worse(fitted, monkeypatch):
         ({"policy": {"net_arch": []}}, r"\[refinement\]: policy\.net_arch = \[\]: expected"),
         ({"teacher": None}, r"\[refinement\]: there is no \[teacher\]: expected"),
         ({"refinement": config.Refinement([ONE, {"family": 2, "seeds": 1}])}, r"refinement\.robots\[1\]: .*'seeds'"),
-        ({"refinement": config.Refinement([ONE], episodes=[{"events": [{"term": "nothing"}]}])}, "nothing"),
+        (
+            {"refinement": config.Refinement([ONE], episodes=[{}, {"reset_tlt": 1.0}])},
+            r"refinement\.episodes\[1\]: .*tlt",
+        ),
+        ({"refinement": config.Refinement([{"family": {}}])}, r"refinement\.robots\[0\]: robot\.family = {}"),
+        ({"policy": {"net_arch": {"vf": [8]}}}, r"policy\.net_arch = "),
         (
             {"refinement": config.Refinement([ONE], episodes=[{"history": 3}])},
             "has 48 rows, expected 16",

@@ -154,8 +154,9 @@ def of_law(given: Conditions, law: str, *, is_given: bool) -> Shares:
     def act(batch: Batch, _: Rows) -> Rows:
         return batch.control(controller, drawn=is_given)
 
-    # A law is not limited by the torque of the policy's action.
-    limits = {} if are_several(given.options["robot"]) else {"max_wheel_torque": robot.max_wheel_torque}
+    # Of a family a law has the torque of the policy's action, of one robot the torque of the motors.
+    several = are_several(given.options["robot"])
+    limits = {"scale_by_robot": True} if several else {"max_wheel_torque": robot.max_wheel_torque}
     return judged(given, act, limits)
 
 

@@ -20,7 +20,8 @@ SEEDS: Final = range(5)
 def row(policy: str, largest: Sequence[float]) -> list[str]:
     """What a policy reaches, and its fractions of the laws' largest tilts and pushes on the presets."""
     presets = bb.Params.preset_names()
-    family, *others = [of_policy(one, policy) for one in conditions() if "of them" not in one.name]
+    in_contact = [one for one in conditions() if one.engine is None and "model" not in one.options]
+    family, *others = [of_policy(one, policy) for one in in_contact]
     nominal, wide = (others[i : i + len(presets)] for i in (0, len(presets)))
     limits = np.divide(hardest(policy), largest).reshape(len(SCENARIOS), -1)
     cells = [[family.upright], *([share.in_place for share in one] for one in ([family], nominal, wide)), *limits]

@@ -262,6 +262,8 @@ class TrainConfig:
                 )
         if self.teacher is not None:
             self._check_teacher(self.teacher)
+        if self.refinement is not None and self.algorithm != "PPO":
+            raise ValueError(f"refinement: not available for {self.algorithm}, only for PPO")
         if not isinstance(self.symmetric, bool) and self.symmetric != AUTO:
             raise ValueError(f"symmetric = {self.symmetric!r} must be true, false or '{AUTO}'")
         if self.symmetric is True and self.algorithm not in TAUGHT:
@@ -329,7 +331,7 @@ class TrainConfig:
 
     def _check_teacher(self, teacher: Teacher) -> None:
         if self.algorithm not in TAUGHT:
-            raise ValueError(f"teacher: {self.algorithm} has none, only {' and '.join(TAUGHT)}")
+            raise ValueError(f"teacher: not available for {self.algorithm}, only for {' and '.join(TAUGHT)}")
         taught = teacher.rounds * teacher.steps * self.num_envs
         if taught > MAX_TAUGHT:
             raise ValueError(
@@ -403,7 +405,7 @@ def default_text(task: str, variant: str | None = None) -> str:
     if path.is_file():
         return path.read_text(encoding="utf-8")
     if variant is None:
-        raise ValueError(f"no training configuration of the task '{task}' comes with the package: name one by --config")
+        raise ValueError(f"no training configuration of the task '{task}' comes with the package: use --config")
     known = ", ".join(_variants(task)) or "none"
     raise ValueError(f"--config {variant}: there is no such file, nor a variant of the task {task} (it has: {known})")
 

@@ -13,6 +13,7 @@ Most robots are easy, so policies can be tried on a part of the robots: on which
 
 import importlib
 import json
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -25,8 +26,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from ballbot_rs import _files
 from ballbot_rs._core import SAME_ROBOT, Batch, Controller, Params, State
 from ballbot_rs._extras import require
+from ballbot_rs.control.sb3_policy import tanh_network
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.envs.family import robots_of
+from ballbot_rs.envs.family import number_of, robots_of
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
 from ballbot_rs.envs.spaces import history_ages
 from ballbot_rs.scenarios.scale import Scale
@@ -39,13 +41,14 @@ Array = npt.NDArray[np.float64]
 #: Weights and biases of each layer, from observations to actions.
 Network = list[tuple[Array, Array]]
 
-#: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these. With 20 deg in place
-#: of 15 a policy fell near 15 deg from tilts from which it recovered in all of these.
-AZIMUTHS: Final = np.radians([0.0, 15.0, 40.0, 60.0])
+#: Azimuths of tilts and pushes, rad, of the first robot. Each next robot has them turned by the golden angle: where all
+#: robots had the same azimuths, policies fell between them.
+AZIMUTHS: Final = np.radians([0.0, 75.0, 160.0, 255.0])
+_GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
 #: Of the largest tilt and push from which the law recovers.
 FRACTIONS: Final = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-#: Control steps in which a robot recovers or falls.
-STEPS: Final = 260
+#: Time in which a robot recovers or falls, s.
+SECONDS: Final = 2.6
 
 #: The law's limits are searched up to these multiples of the holdable lean and the capture impulse.
 _MOST: Final = 1.6
@@ -65,7 +68,6 @@ _EVERY: Final = 4
 def refine(
     model: BaseAlgorithm,
     trials: "Trials",
-    law: Controller,
     ties: Ties,
     seed: int,
     tell: Callable[[str], None],
@@ -75,8 +77,7 @@ def refine(
 
     Args:
         model: of PPO, with a fitted actor.
-        trials: of its configuration.
-        law: whose limits count.
+        trials: of its configuration, with the limits of the teacher measured.
         ties: between the weights of the actor.
         seed: of the evolution.
         tell: called with the parts of the objective.
@@ -88,11 +89,8 @@ def refine(
         OSError: it cannot be read or written.
     """
     settings = trials.settings
-    policy: Any = model.policy
-    layers = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
-    network = [(_of(layer.weight), _of(layer.bias)) for layer in layers]
+    network = network_of(model)
     space = Space(network, ties, trials.ages)
-    trials.measure(law)
     if settings.hardest is not None:
         trials.keep_hardest(network, settings.hardest, settings.others)
     optimizer = trials.cmaes.CMA(
@@ -121,7 +119,10 @@ def refine(
     # What the last means have by chance of the robots that they were tried on averages out.
     average = np.mean(means[settings.generations // 2 :], axis=0)
     if tried(average, "the average of the last half of the generations") < fit:
+        tell("the fit stays")
         return
+    policy: Any = model.policy
+    layers = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
     with torch.no_grad():
         for layer, (weights, _) in zip(layers, space.network(average), strict=True):
             layer.weight.copy_(torch.as_tensor(weights, dtype=torch.float32))
@@ -149,8 +150,16 @@ def _text(parts: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.3f}" for name, value in parts.items())
 
 
-def _of(parameter: torch.nn.Parameter) -> Array:
-    return np.asarray(parameter.detach().numpy(), dtype=np.float64)
+def network_of(model: BaseAlgorithm) -> Network:
+    """The layers of an actor.
+
+    Raises:
+        ValueError: they are not hidden layers with tanh between them, or too many weights.
+    """
+    found = tanh_network(model)
+    if found is None or len(found) < 2:
+        raise ValueError("[refinement]: the policy needs hidden layers with tanh between them, at most 8192 weights")
+    return [(np.asarray(weights, np.float64), np.asarray(biases, np.float64)) for weights, biases in found]
 
 
 class Space:
@@ -219,14 +228,15 @@ class Trials:
                 f"refinement.hardest = {settings.hardest} and refinement.others = {settings.others} are more than "
                 f"the {len(robots)} robots of refinement.robots"
             )
-        self._begin_with(robots)
+        self._begin_with(robots, AZIMUTHS + _GOLDEN_ANGLE * np.arange(len(robots))[:, None])
 
-    def _begin_with(self, robots: list[Params]) -> None:
-        """Makes the environments of some robots."""
-        self._robots = robots
-        self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
+    def _begin_with(self, robots: list[Params], azimuths: Array) -> None:
+        """Makes the environments of some robots; azimuths have the shape (robots, azimuths)."""
+        self._robots, self._azimuths = robots, azimuths
+        self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS))
+        self.steps = math.ceil(SECONDS / self._starts.control_dt)
         settings = self.settings.episode_options
-        self._whole = [self._batch(_EPISODES, **options) for options in settings]
+        self._whole = [self._batch_of_kind(i, options) for i, options in enumerate(settings)]
         for options, one in zip(settings, self._whole, strict=True):
             if one.observation_len != self._starts.observation_len:
                 raise ValueError(
@@ -235,6 +245,12 @@ class Trials:
                 )
         seeds = self._first_seed
         self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._whole[0].num_envs)))
+
+    def _batch_of_kind(self, i: int, options: Mapping[str, Any]) -> Batch:
+        try:
+            return self._batch(_EPISODES, **options)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"refinement.episodes[{i}]: {error}") from error
 
     def _batch(self, episodes: int, **options: Any) -> Batch:
         """Environments for a number of episodes of each robot."""
@@ -249,12 +265,20 @@ class Trials:
         )
 
     def measure(self, law: Controller) -> None:
-        """Measures from how much a law recovers; the starts are fractions of it."""
+        """Measures from how much a law recovers; the starts are fractions of it.
+
+        Raises:
+            ValueError: the law cannot be designed for a robot, or a robot cannot be pushed by as much as it may recover
+                from.
+        """
         scales = [Scale.of(robot) for robot in self._robots]
         sizes = np.array([[one.holdable_lean for one in scales], [one.capture_impulse for one in scales]])
         most = _MOST * sizes
         most[0] = np.minimum(most[0], self._fall_tilt)
-        limits = self._limits(law, most)
+        try:
+            limits = self._limits(law, most)
+        except ValueError as error:
+            raise ValueError(f"refinement.robots: {error}") from error
         self._start_at(limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]]))
 
     def keep_hardest(self, network: Network, hardest: int, others: int) -> None:
@@ -264,7 +288,7 @@ class Trials:
         """
         order = np.argsort(objective(self._by_robot(network)), kind="stable")
         kept = np.sort(np.concatenate([order[:hardest], np.sort(order[hardest:])[:others]]))
-        self._begin_with([self._robots[i] for i in kept])
+        self._begin_with([self._robots[i] for i in kept], self._azimuths[kept])
         self._start_at(self._sizes[:, kept], self._counts[:, kept])
 
     def _start_at(self, limits: Array, counts: npt.NDArray[np.bool_]) -> None:
@@ -283,8 +307,9 @@ class Trials:
         return len(history_ages(self._starts.history))
 
     def parts(self, network: Network) -> dict[str, float]:
-        """The parts of the objective for a policy, each from 0 to 1."""
-        return {name: float(np.mean(values[~np.isnan(values)])) for name, values in self._measured(network).items()}
+        """The parts of the objective for a policy, each from 0 to 1; 1 where no robot has a limit."""
+        counted = {name: values[~np.isnan(values)] for name, values in self._measured(network).items()}
+        return {name: float(values.mean()) if values.size else 1.0 for name, values in counted.items()}
 
     def _by_robot(self, network: Network) -> dict[str, Array]:
         """The parts of each robot, of shape (robots,); 1 where there is no limit."""
@@ -316,7 +341,7 @@ class Trials:
     def _recovered(self, network: Network) -> npt.NDArray[np.bool_]:
         """Which starts the policy recovers from, of shape (2, robots, fractions, azimuths)."""
         self._reset(self._tilts, self._impulses)
-        ended = self._starts.episodes(network, STEPS)
+        ended = self._starts.episodes(network, self.steps)
         return self._by_start(~ended["terminated"])
 
     def _limits(self, law: Controller, most: Array) -> Array:
@@ -327,7 +352,7 @@ class Trials:
             grid = low[..., None] + (high - low)[..., None] * steps
             self._reset(*self._begin(grid))
             upright = np.ones(self._starts.num_envs, dtype=bool)
-            for _ in range(STEPS):
+            for _ in range(self.steps):
                 terminated = self._starts.step(self._starts.control(law, privileged=True, drawn=True))[2]
                 upright &= ~terminated
             within = _first(self._by_start(upright))[..., None]
@@ -337,14 +362,14 @@ class Trials:
 
     def _begin(self, sizes: Array) -> tuple[list[State], Array]:
         """Starts and impulses (N·s) of tilts (rad) and pushes of these sizes, of shape (2, robots, fractions)."""
-        cos, sin = np.cos(AZIMUTHS), np.sin(AZIMUTHS)
+        cos, sin = np.cos(self._azimuths), np.sin(self._azimuths)
         starts = []
-        for robot, tilts in zip(self._robots, sizes[0], strict=True):
-            axes = [(-tilt * s, tilt * c) for tilt in tilts.tolist() for c, s in zip(cos, sin, strict=True)]
+        for robot, tilts, *directions in zip(self._robots, sizes[0], cos, sin, strict=True):
+            axes = [(-tilt * s, tilt * c) for tilt in tilts.tolist() for c, s in zip(*directions, strict=True)]
             starts += [_leaning(robot, axis) for axis in axes] + [_leaning(robot, (0.0, 0.0))] * len(axes)
         impulses = np.zeros((len(self._robots), 2, len(FRACTIONS), len(AZIMUTHS), 3))
-        impulses[:, 1, :, :, 0] = sizes[1][..., None] * cos
-        impulses[:, 1, :, :, 1] = sizes[1][..., None] * sin
+        impulses[:, 1, :, :, 0] = sizes[1][..., None] * cos[:, None, :]
+        impulses[:, 1, :, :, 1] = sizes[1][..., None] * sin[:, None, :]
         return starts, impulses.reshape(-1, 3)
 
     def _reset(self, starts: list[State], impulses: Array) -> None:
@@ -360,7 +385,7 @@ class Trials:
 def _sampled(i: int, spec: Mapping[str, Any]) -> list[Params]:
     """The robots of family `i` of the settings."""
     try:
-        return robots_of(spec, SAME_ROBOT * spec["family"])
+        return robots_of(spec, SAME_ROBOT * number_of(spec))
     except (TypeError, ValueError) as error:
         raise ValueError(f"refinement.robots[{i}]: {error}") from error
 
@@ -377,7 +402,7 @@ def _leaning(robot: Params, tilt: tuple[float, float]) -> State:
 
 def _check(config: TrainConfig) -> None:
     layers = config.policy.get("net_arch")
-    hidden = layers.get("pi") if isinstance(layers, Mapping) else layers
+    hidden = layers.get("pi", []) if isinstance(layers, Mapping) else layers
     holds = {
         f"env_id = '{config.env_id}'": task_of(config.env_id) == DEFAULT_TASK,
         f"algorithm = '{config.algorithm}'": config.algorithm == "PPO",

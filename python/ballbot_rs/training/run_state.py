@@ -84,7 +84,8 @@ def give(model: BaseAlgorithm, state: State) -> None:
             raise ValueError(f"it has {len(ends)} robots, expected {environment.num_envs}")
         for i, snapshot in enumerate(np.split(state["robots"], ends[:-1])):
             environment._batch.restore(i, snapshot.tobytes())
-        environment._seeds = [None if seed < 0 else seed for seed in state["seeds"].tolist()]
+        if "seeds" in state:
+            environment._seeds = [None if seed < 0 else seed for seed in state["seeds"].tolist()]
         monitor.episode_returns = state["episode_returns"].copy()
         monitor.episode_lengths = state["episode_lengths"].copy()
         monitor.episode_count = int(state["episode_count"])

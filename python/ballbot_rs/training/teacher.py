@@ -37,26 +37,27 @@ RANKED_STEPS = 1000
 
 
 def fit(
-    model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None], ties: Ties | None = None
-) -> Controller:
+    model: BaseAlgorithm,
+    law: Controller,
+    teacher: Teacher,
+    seed: int,
+    tell: Callable[[str], None],
+    ties: Ties | None = None,
+) -> None:
     """Fits the actor and the value function of a new model; its steps are not counted.
 
     Args:
         model: of PPO, or of RecurrentPPO of sb3-contrib.
-        teacher: the law or the laws to fit to, and the settings.
+        law: of the teacher, to fit to.
+        teacher: the settings.
         seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
         ties: between the weights; None for none.
-
-    Returns:
-        The law that it is fitted to.
     """
     learner: Any = model
-    law = best_law(model, teacher, seed, tell)
     errors = fit_actor(learner, law, teacher, seed, ties)
     tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
     fit_value(learner, teacher.value_rollouts)
-    return law
 
 
 def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:

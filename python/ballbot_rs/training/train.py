@@ -110,17 +110,16 @@ def train(
     # Before anything is deleted or written: this rejects an invalid configuration.
     model = _new_model(config, folder, seed)
     ties = _tie(model, config, tell, learn)
-    trials = None if config.refinement is None else refinement.Trials(config, config.refinement, seed)
-    if config.teacher is not None:
-        teacher.laws_of(model, config.teacher)
+    law = None if config.teacher is None else teacher.best_law(model, config.teacher, seed, tell)
+    trials = _trials(model, config, law, seed)
     with run_folder.held(folder):
         run_folder.begin(folder, text, seed, overwrite=overwrite, versions=VERSIONS)
         keep_best = _keep_best(config, folder, seed, stops)
-        if config.teacher is not None:
-            law = teacher.fit(model, config.teacher, seed, tell, ties)
+        if config.teacher is not None and law is not None:
+            teacher.fit(model, law, config.teacher, seed, tell, ties)
             if trials is not None and ties is not None:
                 Checkpoints(folder / run_folder.FIT).keep(model, is_due=False)
-                _refine(model, trials, law, ties, seed, tell, folder)
+                _refine(model, trials, ties, seed, tell, folder)
             else:
                 Checkpoints(folder).keep(model)
             # The fitted policy may stay the best one.
@@ -185,10 +184,12 @@ def _resume(
     torch.set_num_threads(config.torch_threads)
     model = _new_model(config, folder, seed)
     is_fitted = not run_folder.checkpoints(folder) and bool(run_folder.checkpoints(folder / run_folder.FIT))
-    trials, law = None, None
-    if is_fitted and config.refinement is not None and config.teacher is not None:
-        trials = refinement.Trials(config, config.refinement, seed)
-        law = teacher.best_law(model, config.teacher, seed, tell)
+    if not is_fitted:
+        # Of a refinement whose process ended when it had kept the result.
+        shutil.rmtree(folder / run_folder.FIT, ignore_errors=True)
+    trials = None
+    if is_fitted and config.teacher is not None:
+        trials = _trials(model, config, teacher.best_law(model, config.teacher, seed, tell), seed)
     checkpoint = restore_newest(model, folder / run_folder.FIT if is_fitted else folder)
     ties = _tie(model, config, tell, learn, is_new=False)
     if timesteps is not None and timesteps < model.num_timesteps:
@@ -205,17 +206,27 @@ def _resume(
         model.set_random_seed(seed + model.num_timesteps)
         model._last_obs = None
         _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
-    if trials is not None and law is not None and ties is not None:
-        _refine(model, trials, law, ties, seed, tell, folder)
+    if trials is not None and ties is not None:
+        _refine(model, trials, ties, seed, tell, folder)
     if is_fitted or not continues:
         keep_best.evaluate(model)
     return _learn(_session(model, config, folder, seed, keep_best, progress_bar), folder, learn)
 
 
+def _trials(model: BaseAlgorithm, config: TrainConfig, law: Controller | None, seed: int) -> refinement.Trials | None:
+    """What a refinement tries policies on; whatever is invalid there is named before the fit."""
+    if config.refinement is None:
+        return None
+    trials = refinement.Trials(config, config.refinement, seed)
+    refinement.network_of(model)
+    assert law is not None
+    trials.measure(law)
+    return trials
+
+
 def _refine(
     model: BaseAlgorithm,
     trials: refinement.Trials,
-    law: Controller,
     ties: tied.Ties,
     seed: int,
     tell: Callable[[str], None],
@@ -223,9 +234,9 @@ def _refine(
 ) -> None:
     """Refines a fitted policy, from where an earlier process ended, and keeps it in the run in place of the fit."""
     fit = folder / run_folder.FIT
-    refinement.refine(model, trials, law, ties, seed, tell, fit / run_folder.OBJECTIVE)
+    refinement.refine(model, trials, ties, seed, tell, fit / run_folder.OBJECTIVE)
     Checkpoints(folder).keep(model)
-    shutil.rmtree(fit)
+    shutil.rmtree(fit, ignore_errors=True)
 
 
 def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tell: Callable[[str], None]) -> bool:
@@ -238,7 +249,7 @@ def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tel
             keep_best.evaluate(model)
         run_state.give(model, state)
     except (ValueError, KeyError) as error:
-        tell(f"the run continues, but not bit for bit as without the interruption: {error}")
+        tell(f"the run continues, but not bit-identical to an uninterrupted run: {error}")
         return False
     return True
 

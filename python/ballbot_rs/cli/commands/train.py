@@ -117,7 +117,7 @@ def algorithm_name(name: str) -> str:
     for other in others:
         if name.lower() == other.lower():
             raise argparse.ArgumentTypeError(
-                f"'{name}' is of the configuration: --set algorithm={other}, with a --config that has its arguments"
+                f"'{name}' is set in the configuration: --set algorithm={other}, with a --config that has its arguments"
             )
     raise argparse.ArgumentTypeError(
         f"invalid choice: '{name}', expected {known}, or --set algorithm= with {' or '.join(others)}"
@@ -149,7 +149,7 @@ def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
     config = config_module.parse(run_folder.read_config_text(folder), str(folder / run_folder.CONFIG))
     task = task_of(config.env_id)
     if chosen is not None and chosen != task:
-        raise ValueError(f"{folder} is a run of {task}, not of {chosen}: leave the task out, or name the run's")
+        raise ValueError(f"{folder} is a run of {task}, not of {chosen}: omit the task, or name the run's task")
     return config
 
 
@@ -288,7 +288,7 @@ def values_of(arguments: argparse.Namespace, task: str, config: "TrainConfig") -
     given = settings.assignments(arguments.set)
     for name, value in given.items():
         if name.startswith("env."):
-            raise ValueError(f"--set {name}={value}: leave out env., which is where options of the environment are")
+            raise ValueError(f"--set {name}={value}: omit the prefix env.: options of the environment need none")
     settings.check_names(given, task, keys, parts=_parts(config))
     values = {name: value for name, value in given.items() if name.partition(".")[0] in keys}
     options = {name: value for name, value in given.items() if name not in values}
@@ -302,7 +302,7 @@ def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
         with _interrupts.patient():
             return work()
     except (KeyboardInterrupt, OSError):
-        saved = run_folder.checkpoints(folder)
+        saved = run_folder.checkpoints(folder) or run_folder.checkpoints(folder / run_folder.FIT)
         if saved:
             _tell(f"saved {saved[0]}, to continue: ballbot train {in_source(task)} --resume {folder}")
         raise
