@@ -34,7 +34,7 @@ def _among(*places: tuple[float, float]) -> bb.Terrain:
 FEATURES: Final[Mapping[str, Mapping[str, Any]]] = {
     "a payload": {"robot": LOADED},
     "two payloads": {"robot": TWO},
-    "a force from outside": {},
+    "an external force": {},
     "a level terrain": {"terrain": bb.Terrain.plane(0.0)},
     "posts, none within 1 m": {"terrain": _among((1.5, 0.0), (-1.5, 0.0), (0.0, 1.5), (0.0, -1.5))},
     "posts 1 cm from the ball": {"terrain": _among(*((x, 0.0) for x in (-GAP, GAP)))},
@@ -54,7 +54,7 @@ def _stepper(name: str | None, model: str, robots: int) -> Callable[[], None]:
     law = bb.Controller("lqr", batch.params(0), batch.control_dt)
 
     def step() -> None:
-        if name == "a force from outside":
+        if name == "an external force":
             for i in range(robots):
                 batch.apply_force(i, (0.2, 0.0, 0.0))
         batch.rollout(law, STEPS, record=())

@@ -1,6 +1,6 @@
 """A fast, verified simulator of a robot that balances on a ball.
 
-The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), robots that touch each other
+The physics is in Rust; this package exposes it to Python: single robots (`Ballbot`), robots that touch each other
 (`Crowd`), batches (`Batch`), closed-form models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers
 (`Controller`, `Pid`, `Lqr`) and the motions that they follow (`Reference`), simulations of one robot (`simulate`),
 environments for reinforcement learning, the comparison of controllers and policies (`compare`), the identification of

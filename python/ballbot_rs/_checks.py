@@ -126,7 +126,7 @@ def check_named(who: str, unnamed: Sequence[object]) -> None:
     if unnamed:
         name = "task=" if isinstance(unnamed[0], str) else "num_envs="
         raise TypeError(
-            f"{who} takes one positional argument, but {unnamed[0]!r} came after it: name it, as {name}{unnamed[0]!r}"
+            f"{who} takes one positional argument, but {unnamed[0]!r} follows it: write {name}{unnamed[0]!r}"
         )
 
 
@@ -141,7 +141,7 @@ def check_still_floor(params: "Params", what: str) -> None:
     names = ("floor_tilt_amplitude", "floor_acceleration", "floor_friction_gradient", "floor_patch_size")
     name = next(name for name in names if np.any(getattr(params, name)))
     found = np.asarray(getattr(params, name)).tolist()
-    raise ValueError(f"{what}: {name} = {found} must be 0, as of robot.on_still_floor()")
+    raise ValueError(f"{what}: {name} = {found} must be 0, as in robot.on_still_floor()")
 
 
 def check_no_payload(params: "Params", what: str) -> None:
@@ -151,7 +151,7 @@ def check_no_payload(params: "Params", what: str) -> None:
         ValueError: naming the parameter.
     """
     if params.has_payload:
-        raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as of robot.with_payloads_fixed()")
+        raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as in robot.with_payloads_fixed()")
 
 
 def check_no_obstacles(terrain: "Terrain | None", what: str) -> None:

@@ -30,7 +30,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = target.with_name(f".{target.stem[:100]}.{os.getpid()}{PARTIAL}{target.suffix[:20]}")
     try:
         if target.exists() and not stat.S_ISREG(target.stat().st_mode):
-            raise OSError(errno.EEXIST, "it is there already and is not a regular file")
+            raise OSError(errno.EEXIST, "it already exists and is not a regular file")
         target.parent.mkdir(parents=True, exist_ok=True)
         _unfinished.add(temporary)
         yield temporary

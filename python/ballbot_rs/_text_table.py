@@ -49,12 +49,10 @@ _PUSHED: dict[str, tuple[str, Callable[[Result], str]]] = {
 
 
 #: Why success does not measure robustness.
-PUSH_NOTE = (
-    "A push shortly before the end denies success to any controller: upright, recovery and ball measure its robustness."
-)
+PUSH_NOTE = "After a push near the end no controller can succeed: judge robustness by upright, recovery and ball."
 
 #: Why the PID rarely succeeds.
-PID_NOTE = "pid controls only the tilt: its ball drifts off, so it seldom succeeds while it stays upright."
+PID_NOTE = "pid controls only the tilt: the ball drifts away, so it rarely succeeds even if it stays upright."
 
 
 def _columns(task: str, pushed: bool) -> dict[str, Callable[[Result], str]]:
@@ -107,9 +105,9 @@ def legend(results: Sequence[Result], task: str) -> list[str]:
         tilt, distance = results[0].recovery_limits
         notes.append(
             f"Recovery: median time from a push until the tilt is back within {math.degrees(tilt):.3g} deg and the "
-            f"ball within {distance:g} m of the setpoint, to stay there up to the next push, for at least 1 s; a push "
-            "that comes too early censors the time (Kaplan and Meier), a fall counts as never. None: less than half "
-            "recovers in the time that pushes leave."
+            f"ball within {distance:g} m of the setpoint and stay there until the next push, for at least 1 s; a push "
+            "that comes too early censors the time (Kaplan-Meier); a fall counts as never. None: fewer than half "
+            "recover in the time between pushes."
         )
         if not metrics:
             notes += ["Ball: root mean square of the distance from the setpoint.", PUSH_NOTE]

@@ -22,7 +22,7 @@ def test_policies_of_different_tasks_are_not_compared(tiny_run, tmp_path):
     edited_policy(
         tiny_run / "final_model.zip", other, lambda data: data["ballbot_metadata"]["env_options"].update(model="planar")
     )
-    with pytest.raises(ValueError, match="not one task"):
+    with pytest.raises(ValueError, match="not the same task"):
         compare([str(tiny_run), str(other)], episodes=1)
 
 
@@ -127,6 +127,6 @@ def test_the_table_of_pushed_robots_has_recovery_in_place_of_settling(capsys):
     shown = capsys.readouterr().out
     assert "recovery" in shown
     assert "settling" not in shown
-    assert "A push shortly before the end denies success" in shown
+    assert "After a push near the end no controller can succeed" in shown
     print_table([evaluate("lqr", episodes=1, **SHORT)], "balance", SHORT)
     assert "recovery" not in capsys.readouterr().out

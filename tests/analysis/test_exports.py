@@ -188,7 +188,7 @@ def test_a_figure_has_the_reference_and_is_written(done, tmp_path):
     assert (tmp_path / "a.svg").read_bytes().startswith(b"<?xml")
     lines = {line.get_label(): line for line in figure.axes[1].get_lines()}
     np.testing.assert_array_equal(lines["x, setpoint"].get_ydata(), done.setpoints["position"][:, 0])
-    with pytest.raises(ValueError, match=r"ends in \.svg, \.pdf or \.png"):
+    with pytest.raises(ValueError, match=r"must end in \.svg, \.pdf or \.png"):
         done.plot(tmp_path / "a.gif")
 
 

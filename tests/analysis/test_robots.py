@@ -158,7 +158,7 @@ def test_files_have_everything(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({}, TypeError, "num_robots=, robots="),
+        ({}, TypeError, "num_robots=, or the robots, robots="),
         ({"num_robots": 0}, ValueError, "num_robots = 0"),
         ({"num_robots": True}, TypeError, "num_robots = True is not a whole number"),
         ({"num_robots": 2, "robots": {"body_mass": [2.0]}}, ValueError, r"2 robots, robots\['body_mass'\] of 1"),

@@ -96,7 +96,7 @@ def test_a_reference_is_made_for_the_robot_that_follows_it():
     # Of the same lean, on other ground.
     slippery = HEAVY.replace(floor_dynamic_friction=0.5, floor_static_friction=0.6)
     assert bb.simulate("lqr", robot=slippery, seconds=0.1, reference=own).fell_at is None
-    with pytest.raises(ValueError, match="of the traction and torque of the robot"):
+    with pytest.raises(ValueError, match="of the robot's traction and torque"):
         run(reference=bb.Reference.circle(0.5, 2.5))
 
 

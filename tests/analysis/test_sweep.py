@@ -103,7 +103,7 @@ def test_controllers_of_one_name_are_numbered():
         ({"body_mass": [2.0, 2]}, ValueError, "has 2 twice"),
         ({"body_mas": [2.0]}, ValueError, "unknown option 'body_mas': did you mean 'body_mass'"),
         ({"actuators.dela": [0.0]}, ValueError, "did you mean 'delay'"),
-        ({"robot.body_mass": [2.0], "body_mass": [2.0]}, ValueError, "which are one option"),
+        ({"robot.body_mass": [2.0], "body_mass": [2.0]}, ValueError, "which are the same option"),
         ({"body_mass": [2.0, -1.0]}, ValueError, "sweep at body_mass = -1: .*body_mass = -1 is out of range"),
         ({"body_mass": [math.nan]}, ValueError, "NaN is out of range"),
         ({"model.x": [1]}, ValueError, "'model' has no parts"),
@@ -196,7 +196,7 @@ def test_a_file_that_is_not_a_checkpoint_stays_as_it_is(tmp_path):
         assert file.read_text() == text
     with pytest.raises(OSError, match="not written"):
         study(checkpoint=file / "study.json")
-    with pytest.raises(TypeError, match="checkpoint is for a sweep"):
+    with pytest.raises(TypeError, match="checkpoint needs a sweep"):
         bb.compare(["lqr"], checkpoint=file)
 
 
@@ -251,7 +251,7 @@ def test_rates_have_intervals_and_robots_have_places():
     [
         (GRID, "recovery_time", "no number in the column 'recovery_time'"),
         (GRID, "model", "not of numbers"),
-        ({**GRID, "control_dt": [0.01]}, "tilt_rms", "of one or two names"),
+        ({**GRID, "control_dt": [0.01]}, "tilt_rms", "one or two names"),
         ([{"body_mass": 2.0, "control_dt": 0.01}, {"body_mass": 2.1, "control_dt": 0.02}], "tilt_rms", "not a grid"),
     ],
 )
@@ -273,7 +273,7 @@ def test_scenarios_are_swept_by_robot_motors_and_their_numbers(tmp_path):
     for wrong, message in (({"pus": [1.0]}, "did you mean 'push'"), ({"actuators": [0.0]}, "expected a part")):
         with pytest.raises(ValueError, match=message):
             bb.run_scenarios("lqr", pushed, sweep=wrong)
-    with pytest.raises(TypeError, match="checkpoint is for a sweep"):
+    with pytest.raises(TypeError, match="checkpoint needs a sweep"):
         bb.run_scenarios("lqr", pushed, checkpoint=tmp_path / "study.json")
 
 

@@ -89,14 +89,14 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--robot", "nowhere.toml"], "nowhere.toml"),
         (["evaluate", "--set", "control_dt"], "--set control_dt: expected NAME=VALUE"),
         (["train", "--set", "algorithm_argument.gamma=1"], "did you mean 'algorithm_arguments'?"),
-        (["train", "--set", "env.model=rigid"], "leave out env."),
+        (["train", "--set", "env.model=rigid"], "omit the prefix env."),
         (["train", "--set", "max_wheel_torqe=1"], "did you mean 'max_wheel_torque'?"),
         (["train", "--set", "teacher.control=lqr"], "unknown key 'control'"),
         (["train", "--set", "evaluation.episode=3"], "did you mean 'episodes'?"),
         (["train", "--resume", "nowhere", "--model", "rigid"], "it takes no other values"),
         (["view", "--controller", "run.onnx"], "no policy at run.onnx"),
         (["view", "--urdf", "bot.urdf", "ball.urdf"], "bot.urdf"),
-        (["view", "--urdf", "bot.urdf", "ball.urdf", "--robot", "kugle"], "--urdf and --robot exclude each other"),
+        (["view", "--urdf", "bot.urdf", "ball.urdf", "--robot", "kugle"], "--urdf and --robot are mutually exclusive"),
         (["view", "--events", "soft"], "unknown set of events 'soft': expected one of mild, hard"),
         (["view", "--events", "trained"], "events = 'trained': the controllers have no policy"),
         (["view", "--actuators", "nobody"], "unknown actuators 'nobody': expected one of ideal, kugle"),
@@ -124,12 +124,12 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["compare", "--set", "body_mass=2"], "expected robot.NAME=VALUE: did you mean 'robot.body_mass'?"),
         (["compare", "--sweep", "body_mas=2,3"], "unknown option 'body_mas': did you mean 'body_mass'?"),
         (["compare", "--sweep", "body_mass"], "--sweep body_mass: expected NAME=V1,V2,..."),
-        (["compare", "--checkpoint", "a.json"], "--checkpoint is of a sweep: add --sweep NAME=V1,V2,..."),
+        (["compare", "--checkpoint", "a.json"], "--checkpoint needs a sweep: add --sweep NAME=V1,V2,..."),
         (
             ["evaluate", "--sweep", "body_mass=2", "--value", "tilt"],
             "tilt: unknown column: did you mean 'tilt_rms'?",
         ),
-        (["evaluate", "--sweep", "body_mass=2", "-o", "a.txt"], "a.txt: the name ends in .csv for numbers"),
+        (["evaluate", "--sweep", "body_mass=2", "-o", "a.txt"], "a.txt: the name must end in .csv for numbers"),
         (["evaluate", "--sweep", "body_mass=2", "--sweep", "body_mass=3"], "body_mass is swept twice"),
         (["compare", "S3-slwo"], "S22-6s: did you mean 'S3-slow'?"),
         (["record", "--robot", "paper", "--set", "robot.body_mass=-1"], "body_mass = -1 is out of range"),
@@ -408,7 +408,7 @@ def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     text = " ".join(out.split())
     assert "1 episodes each, model contact, success_radius = 0.2. Success" in text
     assert "ball within 0.2 m" in text
-    assert "pid controls only the tilt: its ball drifts off" in text
+    assert "pid controls only the tilt: the ball drifts away" in text
 
 
 def test_plot_randomizes_robots_with_events(capsys, tmp_path):

@@ -128,9 +128,9 @@ def test_a_controller_has_its_options_in_every_command(capsys, tmp_path, monkeyp
     ("arguments", "message"),
     [
         (("posit=1",), "lqr has no option 'posit': did you mean 'position'?"),
-        (("lqi.position=1",), "lqi is none of the controllers, lqr"),
+        (("lqi.position=1",), "lqi is not one of the controllers lqr"),
         (("position=-1",), "position = -1 is out of range: it must be >= 1e-6 and <= 1e6 m"),
-        (("position=1", "--controller", "zero"), "zero has none: options are of the controllers of the package"),
+        (("position=1", "--controller", "zero"), "zero has none: options exist for the controllers of the package"),
     ],
 )
 def test_an_option_that_no_controller_has_is_an_error(capsys, arguments, message):

@@ -1,4 +1,4 @@
-"""The law that yields to a force from outside, and the estimate of the force, from Python."""
+"""The law that yields to an external force, and the estimate of the force, from Python."""
 
 import numpy as np
 import pytest

@@ -56,10 +56,10 @@ def test_a_loop_without_end_is_ended(looping, monkeypatch, capsys):
     monkeypatch.setattr(onnx_policy, "CALL_LIMIT", 0.1)
     policy = bb.OnnxPolicy(looping)
     for _ in range(2):
-        with pytest.raises(TimeoutError, match=r"endless\.onnx has been ended: it ran for more than 0\.101 s"):
+        with pytest.raises(TimeoutError, match=r"endless\.onnx was aborted: it ran for more than 0\.101 s"):
             policy.act(np.zeros(16))
     assert main(["evaluate", "--controller", str(looping), "--episodes", "1"]) == 1
-    assert capsys.readouterr().err == f"ballbot: {looping} has been ended: it ran for more than 0.101 s\n"
+    assert capsys.readouterr().err == f"ballbot: {looping} was aborted: it ran for more than 0.101 s\n"
     # One that ends is not touched by it.
     assert bb.OnnxPolicy(path("policies/balance.onnx")).act(np.zeros(16)).shape == (3,)
 

@@ -75,7 +75,7 @@ def test_what_a_policy_file_cannot_hold_is_not_saved(tmp_path):
     for wrapped, count in stacked:
         with pytest.raises(ValueError, match=f"spaces: .* instead of a wrapper, the option history={count} of"):
             bb.save(model_of("PPO", wrapped), tmp_path / "x")
-    with pytest.raises(ValueError, match="not one of ballbot_rs"):
+    with pytest.raises(ValueError, match="not from ballbot_rs"):
         bb.save(model_of("PPO", gymnasium.make("Pendulum-v1")), tmp_path / "x")
     model = model_of("PPO", env)
     model.save(tmp_path / "plain.zip")

@@ -86,7 +86,7 @@ def test_it_is_a_law_of_the_robot_that_it_controls(tmp_path):
 @pytest.mark.parametrize(
     ("gain", "arguments", "message"),
     [
-        (np.ones((3, 9)), {}, r"gain has shape \(3, 9\), expected \(3, 10\): a column a state"),
+        (np.ones((3, 9)), {}, r"gain has shape \(3, 9\), expected \(3, 10\): one column per state"),
         (np.ones((10, 3)), {}, r"gain has shape \(10, 3\), expected \(3, 10\)"),
         (np.full((3, 10), np.nan), {}, "gain has numbers that are not finite"),
         (np.ones((3, 1)), {"states": ["tilt z"]}, "unknown state 'tilt z': expected one of x, y, .*did you mean 'tilt"),

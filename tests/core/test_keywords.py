@@ -844,7 +844,7 @@ MOTION = {
     "friction": With(0.01, yaw_rate=3.0),
 }
 #: What an error has in place of the keyword: the fraction of friction that a motion may use, the id of a task.
-NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
+NAMED = {"friction": "but 0.01 is allowed", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),

@@ -61,9 +61,9 @@ def test_a_run_and_its_onnx_file_give_the_same_header(tiny_run, tmp_path, capsys
         (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
             ["runs/mine", "-o", "policy.c"],
-            "policy.c: the name of an ONNX file ends in .onnx, the name of a C header in .h",
+            "policy.c: the name of an ONNX file must end in .onnx, of a C header in .h",
         ),
-        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a C header"),
+        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is already an ONNX file: write it as a C header"),
         (["--controller", "lqr", "--controller-option", "weight=1"], "unexpected keyword argument 'weight'"),
         (["--controller", "lqr", "--controller-option", "weight"], "--controller-option weight: expected NAME=VALUE"),
         (

@@ -135,7 +135,7 @@ def test_parts_along_the_rows_of_a_batch_are_named(tmp_path):
     nodes = [LAYER, helper.make_node("Concat", ["layer", "layer"], ["hidden"], axis=0), LAST]
     constants = {"w": np.ones((16, 5)), "v": np.ones((5, 3)), "c": np.zeros(3)}
     file = policy_of(tmp_path / "p.onnx", nodes, constants)
-    with pytest.raises(ValueError, match="the operator Concat along another axis than the numbers"):
+    with pytest.raises(ValueError, match="the operator Concat along an axis other than the numbers"):
         policy_header(file)
 
 

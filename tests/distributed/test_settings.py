@@ -61,10 +61,10 @@ def test_every_configuration_of_the_package_fits(task):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"algorithm": "SAC"}, "algorithm = SAC: on Ray there is only PPO"),
-        ({"algorithm_arguments.target_kl": 0.1}, "algorithm_arguments.target_kl = 0.1: not on Ray, which has "),
-        ({"algorithm_arguments.use_sde": True}, "algorithm_arguments.use_sde = True: not on Ray, which has "),
-        ({"algorithm_arguments.clip_range_vf": 0.2}, "algorithm_arguments.clip_range_vf = 0.2: not on Ray"),
+        ({"algorithm": "SAC"}, "algorithm = SAC: only PPO is available on Ray"),
+        ({"algorithm_arguments.target_kl": 0.1}, "algorithm_arguments.target_kl = 0.1: not supported on Ray"),
+        ({"algorithm_arguments.use_sde": True}, "algorithm_arguments.use_sde = True: not supported on Ray"),
+        ({"algorithm_arguments.clip_range_vf": 0.2}, "algorithm_arguments.clip_range_vf = 0.2: not supported on Ray"),
         ({"algorithm_arguments.normalize_advantage": False}, "normalize_advantage = False: PPO of RLlib always"),
         (
             {"algorithm_arguments.clip_range": 0.2, "schedule.clip_range": "linear"},

@@ -78,7 +78,7 @@ def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
         ({"family": 2, "sed": 1}, TypeError, "sed"),
         ({"family": 2, "ranges": 1}, TypeError, "robot.ranges = 1 is not a table"),
         ({"family": 2, "ranges": {"frction": [1, 2]}}, TypeError, "'frction': did you mean 'friction'"),
-        ({"family": 2, "ranges": {"friction": 1}}, ValueError, r"'friction'\] = 1: expected a least and a most"),
+        ({"family": 2, "ranges": {"friction": 1}}, ValueError, r"'friction'\] = 1: expected a smallest and a largest"),
         ({"family": 2, "ranges": {"friction": ["a", 1]}}, TypeError, "friction'] = 'a' is not a number"),
         ({"family": 2, "ranges": {"friction": [0, 1]}}, ValueError, "expected two positive numbers in ascending"),
         ({"family": 2, "ranges": {"friction": [1, float("inf")]}}, ValueError, "at most 1e.06"),

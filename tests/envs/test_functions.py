@@ -473,7 +473,7 @@ def test_policies_with_rows_in_another_order_are_not_compared(tmp_path):
         env = bb.BallbotVecEnv(TASK, num_envs=2, rows=order, seed=0)
         files.append(tmp_path / f"{i}.zip")
         bb.save(sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu"), files[-1])
-    with pytest.raises(ValueError, match="not one task"):
+    with pytest.raises(ValueError, match="not the same task"):
         bb.compare(files, episodes=1)
 
 

@@ -383,7 +383,7 @@ def test_an_unknown_environment_is_rejected():
 
 
 def test_a_task_after_the_number_is_named():
-    with pytest.raises(TypeError, match=r"'balance' came after it: name it, as task='balance'"):
+    with pytest.raises(TypeError, match=r"'balance' follows it: write task='balance'"):
         BallbotVecEnv(128, "balance")
-    with pytest.raises(TypeError, match="4 came after it: name it, as num_envs=4"):
+    with pytest.raises(TypeError, match="4 follows it: write num_envs=4"):
         BallbotVecEnv("balance", 4)

@@ -390,5 +390,5 @@ def test_infos_equal_make_vec_without_our_batch():
 
 
 def test_a_task_after_the_number_is_named():
-    with pytest.raises(TypeError, match=r"'goal' came after it: name it, as task='goal'"):
+    with pytest.raises(TypeError, match=r"'goal' follows it: write task='goal'"):
         BallbotVectorEnv(8, "goal")

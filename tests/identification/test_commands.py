@@ -56,13 +56,13 @@ def test_a_log_becomes_a_robot_that_other_commands_accept(capsys, log, tmp_path)
     ("arguments", "message"),
     [
         (("identify", "nowhere.csv"), "nowhere.csv: No such file or directory"),
-        (("identify", "log.txt"), "log.txt: the name of a log ends in .csv, .npz or .mcap"),
+        (("identify", "log.txt"), "log.txt: the name of a log must end in .csv, .npz or .mcap"),
         (("identify", "LOG", "--fields", "mass"), "unknown field 'mass'"),
         (("identify", "LOG", "--fields", "wheel_mass,body_mass"), "the log does not depend on wheel_mass"),
         (("identify", "LOG", "--fields", "payload_mass"), "fields has payload_mass, but the robot has no payload"),
         (("identify", "LOG", "--robot", "r2d2"), "unknown robot 'r2d2'"),
         (("identify", "LOG", "-o", "robot.json"), "robot.json: the name of a robot's file ends in .toml"),
-        (("record-log", "-o", "log.txt"), "log.txt: the name of a log ends in .csv or .npz"),
+        (("record-log", "-o", "log.txt"), "log.txt: the name of a log must end in .csv or .npz"),
         (("record-log", "--model", "flat"), "unknown model 'flat'"),
     ],
 )

@@ -257,7 +257,7 @@ def test_a_robot_at_rest_determines_little():
         ({"noise": {"gyro": 0.0}}, "noise of gyro is 0.0, it must be finite and above 0"),
         ({"actuators": {"delay": 0.5}}, "actuators: delay = 0.5 is out of range: it must be from 0 to 0.1"),
         ({"actuators": {"dealy": 0.5}}, "unknown actuator option 'dealy': .*did you mean 'delay'"),
-        ({"actuators": "kugle"}, "stall_torque = 15.4375 cannot be part of an identification"),
+        ({"actuators": "kugle"}, "stall_torque = 15.4375 is not supported by identification"),
     ],
 )
 def test_bad_arguments_are_rejected_with_value_and_limit(exact, arguments, message):

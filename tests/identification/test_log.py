@@ -203,7 +203,7 @@ def test_a_lag_answers_a_step_as_the_closed_form():
 
 def test_motors_of_a_curve_are_rejected():
     with pytest.raises(
-        ValueError, match=r"stall_torque = 0\.5 cannot be part of an identification, which has delay, lag, strength"
+        ValueError, match=r"stall_torque = 0\.5 is not supported by identification, which has delay, lag, strength"
     ):
         Motors.of({"stall_torque": 0.5, "no_load_speed": 50.0})
     with pytest.raises(ValueError, match=r"delay = 0\.2 is out of range: it must be from 0 to 0\.1"):

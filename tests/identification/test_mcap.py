@@ -168,7 +168,7 @@ def test_a_map_takes_rates_from_odometry(tmp_path, log):
         (
             "/imu.ang",
             "/imus.ang",
-            r"column /imus.angular_velocity.x: no topic begins so; there are /imu, /joint_states",
+            r"column /imus.angular_velocity.x: no topic name begins it; there are /imu, /joint_states",
         ),
         ("velocity.y", "velocity.w", r"messages of /imu \(sensor_msgs/msg/Imu\) have no number angular_velocity.w"),
         ('"/joint_states.effort.wheel_1"', '"/imu.linear_acceleration.x"', "torques has numbers of several topics"),
@@ -202,10 +202,10 @@ def test_files_that_lack_something_name_it(tmp_path, log):
     with pytest.raises(ValueError, match=r"/joint_states has positions of 4 joints, arm, wheel_0, .*expected three"):
         read(tmp_path, recorded(log, joints=more))
     without = lambda *at: {**joints_of(*at), "effort": []}  # noqa: E731
-    with pytest.raises(ValueError, match="/joint_states has no effort; name the torques by a column map"):
+    with pytest.raises(ValueError, match="/joint_states has no effort; select the torques with a column map"):
         read(tmp_path, recorded(log, joints=without))
     back = lambda log, row, stamp: joints_of(log, row, stamp - (10**9 if row > 400 else 0))  # noqa: E731
-    with pytest.raises(ValueError, match=r"/joint_states position.wheel_0, .*: time does not increase 1 times, first"):
+    with pytest.raises(ValueError, match=r"/joint_states position.wheel_0, .*: time fails to increase 1 times, first"):
         read(tmp_path, recorded(log, joints=back))
     empty = io.BytesIO()
     mcap_ros2.Writer(empty).finish()

@@ -89,11 +89,11 @@ def test_what_no_log_determines_is_named_with_a_payload_too(noisy, fields):
 
 
 def test_the_motion_of_an_arm_is_not_in_a_log(exact):
-    with pytest.raises(ValueError, match=r"payload_amplitude = \[0.01, 0.0, 0.0\] must be 0: a log has no"):
+    with pytest.raises(ValueError, match=r"payload_amplitude = \[0.01, 0.0, 0.0\] must be 0: a log lacks"):
         identify(exact, LOADED.replace(payload_amplitude=(0.01, 0.0, 0.0)), ("payload_mass",))
     with pytest.raises(ValueError, match="unknown field 'payload_period'"):
         identify(exact, LOADED, ("payload_period",))
-    with pytest.raises(ValueError, match=r"second_payload_mass = 0.1 must be 0: a fit is of one payload"):
+    with pytest.raises(ValueError, match=r"second_payload_mass = 0.1 must be 0: only one payload can be fitted"):
         identify(exact, LOADED.with_payload(0.1, stiffness=10.0, payload=1), ("payload_mass",))
 
 

@@ -80,7 +80,7 @@ def test_targets_that_are_not_files_are_not_replaced(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     for path in (pipe, tmp_path):
-        with pytest.raises(OSError, match="not written: it is there already and is not a regular file") as caught:
+        with pytest.raises(OSError, match="not written: it already exists and is not a regular file") as caught:
             _files.write(path, "x")
         assert caught.value.filename == str(path)
     with pytest.raises(OSError, match="not written: ") as caught:

@@ -163,7 +163,7 @@ def test_bad_input_is_named():
         with pytest.raises(ValueError, match="wheel_torques"):
             made.step(states, torques)
     after, _ = made.step(states, torch.zeros(2, 3))
-    for other, message in [(states, "not the present states"), (after[:1], r"states must .* \(2, 32\), not \(1, 32\)")]:
+    for other, message in [(states, "not the current states"), (after[:1], r"states must .* \(2, 32\), not \(1, 32\)")]:
         with pytest.raises(ValueError, match=message):
             made.step(other, torch.zeros(2, 3))
 
@@ -175,7 +175,7 @@ def test_a_checkpoint_of_a_step_is_an_error_that_moves_no_robot(reentrant):
     made = robots()
     states, torques = made.states(), torch.zeros((3, 3), dtype=torch.float64, requires_grad=True)
     moved = checkpoint(lambda held: made.step(states, held)[0], torques, use_reentrant=reentrant)
-    with pytest.raises(ValueError, match="not the present states"):
+    with pytest.raises(ValueError, match="not the current states"):
         moved.sum().backward()
     np.testing.assert_array_equal(made.states(), moved.detach())
 

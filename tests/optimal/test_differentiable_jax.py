@@ -130,9 +130,9 @@ def test_bad_input_is_named(robots):
     for step in (robots.step, jax.jit(robots.step)):
         with pytest.raises(ValueError, match=r"states must have the shape \(3, 32\), not \(1, 32\)"):
             step(after[:1], np.zeros((3, 3)))
-    with pytest.raises(ValueError, match="not the present states"):
+    with pytest.raises(ValueError, match="not the current states"):
         robots.step(states, np.zeros((3, 3)))
-    with pytest.raises(jax.errors.JaxRuntimeError, match="not the present states"):
+    with pytest.raises(jax.errors.JaxRuntimeError, match="not the current states"):
         jax.jit(robots.step)(states, np.zeros((3, 3)))
     # What failed did not move the robots.
     jax.jit(robots.step)(after, np.zeros((3, 3)))

@@ -214,7 +214,7 @@ def test_progress_counts_iterations():
         ((1.0, 0.0), {"seconds": 2.0, "friction": 0.0}, "friction = 0.0"),
         ((1.0, 0.0), {"seconds": 2.0, "iterations": 0}, "iterations"),
         ((1.0, 0.0), {"seconds": 2.0, "tolerance": -1.0}, "tolerance"),
-        ((1.0, 0.0), {"seconds": 2.0, "start": bb.State.at_rest(PAPER, tilt=(0.7, 0.0))}, "every first motion"),
+        ((1.0, 0.0), {"seconds": 2.0, "start": bb.State.at_rest(PAPER, tilt=(0.7, 0.0))}, "every initial motion"),
         (
             (1.0, 0.0),
             {"seconds": 2.0, "start": bb.State.at_rest(PAPER).replace(ball_position=(0.3, 0, 0.112))},

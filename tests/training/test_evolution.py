@@ -174,9 +174,9 @@ def test_policies_are_symmetric_where_robots_are():
         space_of(**expected, **uneven)
     assert space_of(**{"env.history": 5}).size == 9 * 5
     assert space_of(**{"env.history": 50}).size == 3 * (16 * 50 + 1)
-    with pytest.raises(ValueError, match="symmetric = True: an observation has 800 rows, it may have 200"):
+    with pytest.raises(ValueError, match="symmetric = True: an observation has 800 rows, but at most 200 are"):
         space_of(**expected, **{"env.history": 50})
-    with pytest.raises(ValueError, match=r"symmetric = True: only linear policies are, net_arch = \[8\]"):
+    with pytest.raises(ValueError, match=r"symmetric = True: only linear policies can be symmetric, but"):
         space_of(**expected, **{"policy.net_arch": [8]})
 
 

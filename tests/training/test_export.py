@@ -156,7 +156,7 @@ def test_the_command_and_its_mistakes(tiny_run, tmp_path, capsys):
     report = json.loads(capsys.readouterr().out)
     assert report["metadata"] == OnnxPolicy(report["policy"]).metadata
     assert main(["export", str(tiny_run), "-o", str(tmp_path / "p.zip")]) == 1
-    assert "ends in .onnx" in capsys.readouterr().err
+    assert "must end in .onnx" in capsys.readouterr().err
 
 
 @pytest.mark.slow("a process")

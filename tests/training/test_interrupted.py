@@ -77,7 +77,7 @@ def test_leftovers_of_a_kill_do_not_prevent_resuming(tmp_path, capsys):
     dead.write_text("{")
     shutil.rmtree(run / "checkpoints")
     assert main(resume) == 1
-    assert "has no checkpoint to resume from: the run was ended before its first one" in capsys.readouterr().err
+    assert "has no checkpoint to resume from: the run ended too early" in capsys.readouterr().err
     assert (dead.exists(), alive.exists()) == (False, True), "only files of dead processes are deleted"
     (run / "config.toml").unlink()
     assert main(resume) == 1

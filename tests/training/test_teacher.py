@@ -358,7 +358,7 @@ class TestMistakes:
             ("[teacher]\ncontroller = 'lqr'\nlearning_rate = 0", "learning_rate = 0 is out .* from 1e-9 to 1"),
             ("[teacher]\ncontroller = 'lqr'\nnoise = nan", "teacher.noise = nan is out of range: .* from 0 to 1"),
             ("[teacher]\ncontroller = 'lqr'\nsteps = 10_000_000", "teacher.steps .* at most 20000000"),
-            ("algorithm = 'SAC'\n[teacher]\ncontroller = 'lqr'", "teacher: SAC has none, only PPO"),
+            ("algorithm = 'SAC'\n[teacher]\ncontroller = 'lqr'", "teacher: not available for SAC, only for PPO"),
         ],
     )  # fmt: skip
     def test_are_named_with_their_source(self, text, message):

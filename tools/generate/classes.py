@@ -180,10 +180,10 @@ def _text(task: str) -> str:
                tables.option_rows(task)]  # fmt: skip
     ends = [f'"{name}": {condition}.' for name, condition in described["terminations"]]
     success = (
-        f"Truncated after `max_episode_steps` ({described['max_episode_steps']}). A success is: {described['success']}."
+        f"Truncated after `max_episode_steps` ({described['max_episode_steps']}). Success: {described['success']}."
     )
     scaled = (
-        "Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within "
+        "Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within "
         f"±{tables.number(SCALED_BOUND)}. `scale_observations=False` gives the rows in their units."
     )
     return f"""{described["summary"]}
@@ -237,7 +237,7 @@ def _command(task: str) -> str:
     if not TASKS[task]["command"]:
         return ""
     about = _paragraph(
-        "Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command "
+        "Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command "
         "that is set after a reset holds to the end of the episode."
     )
     return f"""## Command

@@ -52,7 +52,7 @@ COMMON = (
     ("model", "Model | str | None", "", ", ".join(MODELS), "Model of the robot."),
     *_SCALARS,
     ("history", "int | Sequence[int]", "", ">= 1 and <= 1000; ages: ascending from 0, at most 1000",
-     "How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest "
+     "How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest "
      "first. docs/sensors.md."),
     ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
      "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",

@@ -80,7 +80,7 @@ pub enum Error {
         reason: String,
     },
     /// A part of the crate was not compiled in.
-    #[error("{what} needs the cargo feature '{feature}' of ballbot-core, which is off")]
+    #[error("{what} needs the cargo feature '{feature}' of ballbot-core, which is not enabled")]
     MissingFeature {
         /// The requested part.
         what: String,

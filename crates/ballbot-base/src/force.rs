@@ -1,4 +1,4 @@
-//! A force from outside on the body over time.
+//! An external force on the body over time.
 
 use crate::error::{Result, check};
 use crate::lanes::{Lane, Scalar, Vec3, lane_struct};
@@ -12,7 +12,7 @@ const MAX_ARM: f64 = 100.0;
 const MAX_PHASE: f64 = 1e3;
 const MAX_TIME: f64 = 1e9;
 
-/// A force from outside on the body, from now on: constant, or a sine.
+/// An external force on the body, from now on: constant, or a sine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Force {
     /// The force, of a sine its amplitude; inertial frame, N.

@@ -83,7 +83,7 @@ pub trait Model: Send + Sync {
         [0.0; 6]
     }
 
-    /// Replaces the force from outside on the body, which acts in the coming time steps.
+    /// Replaces the external force on the body, which acts in the coming time steps.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the model simulates none.
@@ -93,7 +93,7 @@ pub trait Model: Send + Sync {
         ))
     }
 
-    /// The force from outside, as it acts next.
+    /// The external force, as it acts next.
     fn held_force(&self) -> HeldForce<f64> {
         HeldForce::default()
     }

@@ -86,7 +86,7 @@ fields! {
         /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`,
         /// `ixz`, `iyz`.
         pub body_products_of_inertia: [f64; 3] = [0.0; 3], "kg·m²", Limit::from(-1e9).to(1e9);
-        /// Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle.
+        /// Largest torque of one motor; by default the value at which the torques in the paper's Fig. 6c settle.
         pub max_wheel_torque: f64 = 5.0, "N·m", Limit::from(1e-9).to(1e9);
         /// Gravitational acceleration g.
         pub gravity: f64 = 9.81, "m/s²", Limit::from(1e-6).to(1e6);
@@ -106,7 +106,7 @@ fields! {
         pub floor_dynamic_friction: f64 = 1.05, "", FRICTION;
         /// Critical slip speed of the Stribeck law, between static and dynamic friction; Table III.
         pub friction_critical_velocity: f64 = 0.1, "m/s", Limit::from(1e-9).to(1e3);
-        /// Rolling friction of the ball on the floor: largest torque against rolling per load.
+        /// Rolling friction of the ball on the floor: largest resisting torque per unit of normal force.
         pub floor_rolling_friction: f64 = 0.0, "m", LEVER;
         /// Spinning friction of the ball on the floor: largest torque about the vertical per load.
         pub floor_spinning_friction: f64 = 0.0, "m", LEVER;
@@ -137,7 +137,7 @@ fields! {
         pub payload_stiffness: [f64; 3] = [0.0; 3], "N/m", Limit::from(0.0).to(1e12);
         /// Viscous damping between body and payload along the body axes.
         pub payload_damping: [f64; 3] = [0.0; 3], "N/(m/s)", Limit::from(0.0).to(1e9);
-        /// Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load.
+        /// Amplitude of a sinusoidal motion of the springs' rest position along the body axes, like a loaded arm's.
         pub payload_amplitude: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
         /// Period of `payload_amplitude`.
         pub payload_period: f64 = 1.0, "s", Limit::from(0.01).to(1e9);
@@ -167,15 +167,15 @@ fields! {
         pub floor_patch_size: f64 = 0.0, "m", Limit::from(0.0).to(1e6);
         /// Limits of the factor of floor friction of a patch, which is uniform between them.
         pub floor_patch_friction: [f64; 2] = [1.0; 2], "", Limit::from(0.0).to(1e3);
-        /// Seed of the factors of the patches; its whole part counts.
+        /// Seed of the factors of the patches; only its integer part is used.
         pub floor_patch_seed: f64 = 0.0, "", Limit::from(0.0).to(4_294_967_295.0);
-        /// Amplitude (x, y) of a sinusoidal tilt of the floor, as of a ship, added to `floor_tilt`; the sum is at most 0.5.
+        /// Amplitude (x, y) of a sinusoidal floor tilt, like a ship's, added to `floor_tilt`; the sum is at most 0.5.
         pub floor_tilt_amplitude: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
         /// Period of `floor_tilt_amplitude`.
         pub floor_tilt_period: f64 = 10.0, "s", Limit::from(0.1).to(1e9);
         /// Phases (x, y) of `floor_tilt_amplitude` at the start of an episode; 0: the floor passes its mean tilt.
         pub floor_tilt_phases: [f64; 2] = [0.0; 2], "rad", Limit::from(-1e3).to(1e3);
-        /// Amplitude (x, y) of a periodic acceleration of the floor in its plane, as of a tram.
+        /// Amplitude (x, y) of a periodic acceleration of the floor in its plane, like a tram's.
         pub floor_acceleration: [f64; 2] = [0.0; 2], "m/s²", Limit::from(-1e3).to(1e3);
         /// Period of `floor_acceleration`.
         pub floor_acceleration_period: f64 = 10.0, "s", Limit::from(0.1).to(1e9);

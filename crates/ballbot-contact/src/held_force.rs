@@ -1,4 +1,4 @@
-//! A force from outside on the body, as an impulse of each step.
+//! An external force on the body, as an impulse of each step.
 
 use super::constants::Constants;
 use super::footing::Footing;

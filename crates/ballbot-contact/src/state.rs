@@ -44,7 +44,7 @@ lane_struct! {
         pub joint_impulses: Wheels<T>,
         /// Impulse on the body and angular impulse about its CoM that act in the next step.
         pub push: [T; 6],
-        /// Force from outside on the body.
+        /// External force on the body.
         pub force: HeldForce<T>,
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,

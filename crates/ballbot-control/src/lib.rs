@@ -116,7 +116,7 @@ pub trait Law: Send + Sync {
         None
     }
 
-    /// Index of the first of two stored numbers that are its estimate of the horizontal force from outside on the body,
+    /// Index of the first of two stored numbers that are its estimate of the horizontal external force on the body,
     /// inertial frame, N; `None` without an estimate.
     fn force_index(&self) -> Option<usize> {
         None

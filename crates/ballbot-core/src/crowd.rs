@@ -286,7 +286,7 @@ impl Crowd {
         Ok(())
     }
 
-    /// Replaces the force from outside on a robot, as [`Ballbot::apply_force`](crate::Ballbot::apply_force).
+    /// Replaces the external force on a robot, as [`Ballbot::apply_force`](crate::Ballbot::apply_force).
     ///
     /// # Errors
     /// As [`Ballbot::apply_force`](crate::Ballbot::apply_force).
@@ -350,7 +350,7 @@ fn check_same_floor(robot: usize, params: &Params, first: &Params) -> Result<()>
         let [theirs, ours] = [first, params].map(|params| params.values(index));
         if theirs != ours {
             return Err(Error::Inconsistent(format!(
-                "robots stand on one floor, but robot {robot} has {name} = {ours:?} and robot 0 has {theirs:?}"
+                "robots must share one floor, but robot {robot} has {name} = {ours:?} and robot 0 has {theirs:?}"
             )));
         }
     }

@@ -351,7 +351,7 @@ impl Ballbot {
         Ok(())
     }
 
-    /// Replaces the force from outside on the body: it acts in every time step, until another force or a reset. A force of
+    /// Replaces the external force on the body: it acts in every time step, until another force or a reset. A force of
     /// zero ends it.
     ///
     /// # Errors
@@ -394,7 +394,7 @@ impl Ballbot {
         Ok(())
     }
 
-    /// Whether a force from outside acts, now or later.
+    /// Whether an external force acts, now or later.
     pub fn has_force(&self) -> bool {
         self.model.held_force().is_on()
     }

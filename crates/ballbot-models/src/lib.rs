@@ -75,7 +75,7 @@ struct Motion {
     tractions: Wheels<f64>,
     /// Friction of the rollers of each wheel on the bot along p_i × d_i, N.
     rollers: Wheels<f64>,
-    /// Force from outside on the body, N.
+    /// External force on the body, N.
     load: Vector3<f64>,
 }
 

@@ -35,7 +35,7 @@ pub struct SpatialMotion {
     coordinates: Coordinates,
     wheel_torques: Wheels<f64>,
     force: HeldForce<f64>,
-    /// The force from outside in the last step, in the frame of the slope.
+    /// The external force in the last step, in the frame of the slope.
     load: PointForce,
     payloads: [Payload<f64>; PAYLOADS],
     /// In the frame of the slope; of no meaning without payloads.
@@ -194,7 +194,7 @@ impl SpatialMotion {
         self.coordinates.fixed_rows::<6>(6).into_owned()
     }
 
-    /// The force from outside in the next step, its mean over the step.
+    /// The external force in the next step, its mean over the step.
     fn next_load(&mut self) -> PointForce {
         if !self.force.is_on() {
             return PointForce::default();

@@ -44,21 +44,21 @@ use std::sync::Arc;
 ///     observations, rewards, terminated, truncated = batch.step(np.zeros((64, 3)))
 /// ```
 ///
-/// Environment i, seeded with `seed + i`, gives the same results as alone, to the last bit, for any `num_threads`.
+/// Environment i, seeded with `seed + i`, gives the same results as on its own, bit for bit, for any `num_threads`.
 ///
 /// Args:
 ///     num_envs: number of robots, at most 2^20.
 ///     task: name of the task, one of `TASKS`.
 ///     autoreset: "same_step", "next_step" or "disabled": when an environment is reset after its episode has ended.
-///     num_threads: threads that step the robots, at most 256; None takes all cores.
+///     num_threads: threads that step the robots, at most 256; None uses all cores.
 ///     seed: seed of the first environment.
 ///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
 ///     options: `robot` (as in `Ballbot`, or a list of them: eight neighbors have the same robot),
 ///         `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
-///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
+///         `max_wheel_torque` (N·m; None: set by traction), `actuators` (a dict of options, a name or a TOML file;
 ///         None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
 ///         in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
-///         ("ground_truth" or "sensors"), `history` (how many of the last observations are given together, or their
+///         ("ground_truth" or "sensors"), `history` (how many of the last observations are stacked, or their
 ///         ages in control steps),
 ///         `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
 ///         and the options of the task.
@@ -346,7 +346,7 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.max_episode_steps())
     }
 
-    /// How many of the last observations are given together, or the list of their ages in control steps.
+    /// How many of the last observations are stacked, or the list of their ages in control steps.
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         history_object(py, self.inner.read()?.batch.history())
@@ -391,7 +391,7 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.is_interrupted())
     }
 
-    /// Requires a reset of all environments before the next step: for a copy, by snapshots, of an interrupted batch.
+    /// Requires a reset of all environments before the next step: for a copy of an interrupted batch from snapshots.
     fn interrupt(&self) -> PyResult<()> {
         self.inner.write()?.batch.interrupt();
         Ok(())
@@ -856,7 +856,7 @@ impl PyBatch {
         draws(py, &self.inner.read()?.batch, index)
     }
 
-    /// How many draws of the events of environment `index` gave an invalid robot and were repeated, since its seed.
+    /// How many samples of the events of environment `index` gave an invalid robot and were repeated, since its seed.
     #[pyo3(signature = (index=0))]
     fn repeated_draws(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<u32> {
         self.inner.read()?.batch.repeated_draws(index).map_err(to_python)
@@ -917,7 +917,7 @@ impl PyBatch {
         call(|| batch.push(index, &impulse, point.as_ref()))
     }
 
-    /// Replaces the force from outside on the body of one robot: it acts in every time step, until another force or a reset.
+    /// Replaces the external force on the body of one robot: it acts in each time step, until another force or a reset.
     ///
     /// A sine is `force` times sin(2π f t + phase), with t from its start; each time step has its mean over the step. Times are
     /// in whole time steps.
@@ -950,7 +950,7 @@ impl PyBatch {
         call(|| batch.apply_force(index, &force))
     }
 
-    /// Estimates of the horizontal forces from outside on the bodies at the last call of `control`, x and y in the inertial
+    /// Estimates of the horizontal external forces on the bodies at the last call of `control`, x and y in the inertial
     /// frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
     /// without `drawn`. Zero from a reset to the next call.
     fn outside_forces<'py>(&self, py: Python<'py>) -> PyResult<Option<Array2<'py, f64>>> {
@@ -963,8 +963,8 @@ impl PyBatch {
         .map(Some)
     }
 
-    /// Moves the rest of the springs of a robot's payload, as a rider who leans does. It is held until another offset or a reset; in the
-    /// task `ride` the rider, the first payload, replaces it in the next step.
+    /// Moves the rest position of the springs of a robot's payload, as a leaning rider does. Held until another offset
+    /// or a reset; in the task `ride` the rider, the first payload, replaces it in the next step.
     ///
     /// Args:
     ///     index: the robot.
@@ -1079,7 +1079,7 @@ impl PyBatch {
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
     ///         one per robot. A reference without `robot` uses the controller's robot; it continues when an episode
     ///         ends and the next begins.
-    ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
+    ///     record: what to return: any of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows, the first
     ///         before the first step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`,
     ///         `success`, `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one
@@ -1174,7 +1174,7 @@ impl PyBatch {
     ///     policies: (weights, biases) of each layer: the first layer is on the observation, the last gives the action.
     ///         Weights have the shape (num_envs, outputs, inputs), biases (num_envs, outputs); rounded to float32. One
     ///         policy for all robots has weights of the shape (outputs, inputs) and biases (outputs,), and is faster.
-    ///     steps: most steps of a robot; None is `max_episode_steps`.
+    ///     steps: maximum number of steps of a robot; None is `max_episode_steps`.
     ///
     /// Returns:
     ///     Arrays by name, each of shape (num_envs,): `returns` (sums of the rewards), `lengths` (steps), `terminated`,
@@ -1247,7 +1247,7 @@ impl PyBatch {
         Ok(PyBytes::new(py, &self.inner.read()?.batch.save(index).map_err(to_python)?))
     }
 
-    /// Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
+    /// Continues, bit for bit, from a snapshot of an environment with the same task, model and options.
     ///
     /// Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
     ///

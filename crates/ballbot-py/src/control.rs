@@ -134,10 +134,10 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///     max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque
 ///         at which a wheel of the upright robot slips.
 ///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
-///         friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
+///         friction limit, a number from 0.01 to 1 that fraction; None is True, except for "pid" (False).
 ///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
 ///     boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
-///         control barrier; None is none.
+///         control barrier; None means no boundary.
 ///     options: weights or gains of the law.
 ///
 /// Raises:
@@ -284,7 +284,7 @@ impl PyController {
     /// but it must follow at least one. Instead, parts may be keywords, each in `setpoint_parts`: `position`
     /// and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the
     /// flat output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad),
-    /// `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
+    /// `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). Other parts raise TypeError.
     #[pyo3(signature = (state, setpoint=None, **parts))]
     fn __call__<'py>(
         &self,
@@ -316,11 +316,11 @@ impl PyController {
         Ok(())
     }
 
-    /// Estimate of the horizontal force from outside on the body at the last call: x and y in the inertial frame, shape (2,),
-    /// N. None of a law that estimates none: with the option `lean_observer` above 0 the laws that have it do, and
+    /// Estimate of the horizontal external force on the body at the last call: x and y, inertial frame, shape (2,),
+    /// N. None if the law does not estimate it: with the option `lean_observer` above 0 the laws that have it do, and
     /// "admittance" does.
     ///
-    /// Its height does not matter, nor a center of mass that is off. The weight of the robot along a slope counts as a force,
+    /// Its height does not matter, nor does a CoM offset. The weight of the robot along a slope counts as a force,
     /// and so does friction that the parameters do not have.
     #[getter]
     fn outside_force<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {

@@ -34,15 +34,15 @@ use std::sync::Arc;
 ///
 /// Args:
 ///     robots: robots in any form: `Params`, names of presets, paths of TOML files, or dicts of parameters; 1 to 64, all
-///         with the same gravity and floor but for its friction under their balls.
+///         with the same gravity and floor, except for its friction under their balls.
 ///     positions: of their balls, shape (n, 2), m. The robots start at rest above them, and `reset` returns there.
-///     friction: Coulomb's coefficient between robots, 0 to 10.
+///     friction: Coulomb friction coefficient between robots, 0 to 10.
 ///     restitution: between robots, 0 to 0.5.
 ///     sim_dt: time step, s.
 ///     terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level.
 ///
 /// Raises:
-///     ValueError: a number out of range, robots that overlap or stand on different floors, or that do not stand where they
+///     ValueError: a number out of range, robots that overlap, are on different floors, or cannot rest where they
 ///         are placed.
 #[pyclass(name = "Crowd", module = "ballbot_rs", subclass, frozen)]
 pub(crate) struct PyCrowd(Exclusive<Crowd>);
@@ -95,7 +95,7 @@ impl PyCrowd {
         Ok(self.0.read()?.num_robots())
     }
 
-    /// Restarts from a state of each robot; None are the states at rest in which they were created.
+    /// Restarts each robot from a state; None restores the states at rest in which they were created.
     ///
     /// Raises:
     ///     ValueError: not a state for each, a state out of bounds or below the floor, or robots that overlap by more than
@@ -125,7 +125,7 @@ impl PyCrowd {
     /// Raises:
     ///     ValueError: a torque that is not finite or beyond its robot's `max_wheel_torque`; nothing has moved then.
     ///     DivergedError: the state of a robot has left the simulation's bounds; all stop until a reset.
-    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robots have come.
+    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` is the simulated time reached.
     #[pyo3(signature = (wheel_torques, steps=1))]
     fn step(
         &self,
@@ -157,7 +157,7 @@ impl PyCrowd {
         call(|| crowd.push(robot, &impulse, point.as_ref()))
     }
 
-    /// Replaces the force from outside on the body of a robot, as `Ballbot.apply_force`.
+    /// Replaces the external force on the body of a robot, as `Ballbot.apply_force`.
     ///
     /// Raises:
     ///     ValueError: a number out of range; the former force then stays.
@@ -179,7 +179,7 @@ impl PyCrowd {
         call(|| crowd.apply_force(robot, &force))
     }
 
-    /// Moves the rest of a payload's springs of a robot, as `Ballbot.move_payload`.
+    /// Moves the rest position of the springs of a robot's payload, as `Ballbot.move_payload`.
     ///
     /// Args:
     ///     robot: its number.
@@ -228,7 +228,7 @@ impl PyCrowd {
         Ok(PyArray1::from_slice(py, force.as_slice()))
     }
 
-    /// Present state of each robot.
+    /// Current state of each robot.
     #[getter]
     fn states(&self) -> PyResult<Vec<PyState>> {
         Ok(self.0.read()?.states().into_iter().map(PyState).collect())
@@ -299,7 +299,7 @@ impl PyCrowd {
         Ok(PyBytes::new(py, &self.0.read()?.save()))
     }
 
-    /// Continues, to the last bit, from a snapshot of a crowd with the same arguments.
+    /// Continues, bit for bit, from a snapshot of a crowd with the same arguments.
     ///
     /// Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
     ///

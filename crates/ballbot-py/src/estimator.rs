@@ -73,7 +73,7 @@ impl PyEstimator {
         call(|| Tracker::new(&params, &sensors, control_dt)).map(Self::of)
     }
 
-    /// Begins an episode in `state`, where the robot is believed to be. None is at rest at the origin with yaw 0, in the
+    /// Begins an episode in `state`, where the robot is assumed to be. None is at rest at the origin with yaw 0, in the
     /// attitude that the accelerometer measures in the first readings.
     #[pyo3(signature = (state=None))]
     fn reset(&self, state: Option<&PyState>) -> PyResult<()> {
@@ -127,7 +127,7 @@ impl PyEstimator {
     }
 
     /// The last state with its attitude turned back by `lean_bias`, within ±0.1 rad: a controller without an integrator then
-    /// holds the equilibrium of the robot as it is, not of its parameters.
+    /// holds the equilibrium of the actual robot, not of its nominal parameters.
     #[getter]
     fn balanced_state(&self) -> PyResult<PyState> {
         Ok(PyState(self.0.write()?.balanced()))
@@ -140,7 +140,7 @@ impl PyEstimator {
         Ok(array(py, &[bias.x, bias.y, bias.z]))
     }
 
-    /// Lean of the robot in equilibrium minus the lean by its parameters, towards x and y of the heading frame, rad, shape
+    /// Actual minus nominal lean of the robot in equilibrium, towards x and y of the heading frame, rad, shape
     /// (2,).
     #[getter]
     fn lean_bias<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
@@ -160,7 +160,7 @@ impl PyEstimator {
         Ok(matrix(py, &DMatrix::from_row_slice(3, 3, rows.as_flattened())))
     }
 
-    /// Covariance of the error of the IMU's horizontal velocity, inertial frame, (m/s)², shape (2, 2). It does not have the
+    /// Covariance of the error of the IMU's horizontal velocity, inertial frame, (m/s)², shape (2, 2). It excludes the
     /// part that follows from the error of the yaw.
     #[getter]
     fn velocity_covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -68,37 +68,37 @@ pub(crate) fn parameters(value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Param
 
 #[pymethods]
 impl PyJacobian {
-    /// The state after the motion by the state before, shape (n, n).
+    /// Derivatives of the state after the motion with respect to the state before, shape (n, n).
     #[getter(A)]
     fn a<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.a)
     }
 
-    /// The state by the torques, shape (n, 3).
+    /// Derivatives of the state with respect to the torques, shape (n, 3).
     #[getter(B)]
     fn b<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.b)
     }
 
-    /// The state by the parameters, shape (n, k).
+    /// Derivatives of the state with respect to the parameters, shape (n, k).
     #[getter(P)]
     fn p<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.p)
     }
 
-    /// The contact forces by the state before, shape (9, n).
+    /// Derivatives of the contact forces with respect to the state before, shape (9, n).
     #[getter(C)]
     fn c<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.c)
     }
 
-    /// The contact forces by the torques, shape (9, 3).
+    /// Derivatives of the contact forces with respect to the torques, shape (9, 3).
     #[getter(D)]
     fn d<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.d)
     }
 
-    /// The contact forces by the parameters, shape (9, k).
+    /// Derivatives of the contact forces with respect to the parameters, shape (9, k).
     #[getter(Q)]
     fn q<'py>(&self, py: Python<'py>) -> Matrix<'py> {
         matrix(py, &self.jacobian.q)
@@ -150,7 +150,7 @@ impl PyJacobian {
         self.jacobian.margin
     }
 
-    /// Whether a step is on a kink of the motion, with a `margin` below 1e-9, so that the derivatives hold on one side.
+    /// Whether a step is on a kink of the motion, with a `margin` below 1e-9, so that the derivatives are one-sided.
     #[getter]
     fn one_sided(&self) -> bool {
         self.jacobian.margin < ON_A_KINK
@@ -250,38 +250,38 @@ type Stack<'py> = PyResult<Bound<'py, PyArray3<f64>>>;
 
 #[pymethods]
 impl PyJacobians {
-    /// The states after each motion by the states before, shape (N, n, n).
+    /// Derivatives of the states after each motion with respect to the states before, shape (N, n, n).
     #[getter(A)]
     fn a<'py>(&self, py: Python<'py>) -> Stack<'py> {
         let n = self.states.len();
         self.stacked(py, [n, n], |jacobian| &jacobian.a)
     }
 
-    /// The states by the torques, shape (N, n, 3); by k torques of each robot, (N, n, 3 k).
+    /// Derivatives of the states with respect to the torques, shape (N, n, 3); or to k torques of each robot, (N, n, 3 k).
     #[getter(B)]
     fn b<'py>(&self, py: Python<'py>) -> Stack<'py> {
         self.stacked(py, [self.states.len(), self.torques], |jacobian| &jacobian.b)
     }
 
-    /// The states by the parameters, shape (N, n, k).
+    /// Derivatives of the states with respect to the parameters, shape (N, n, k).
     #[getter(P)]
     fn p<'py>(&self, py: Python<'py>) -> Stack<'py> {
         self.stacked(py, [self.states.len(), self.parameters.len()], |jacobian| &jacobian.p)
     }
 
-    /// The contact forces by the states before, shape (N, 9, n).
+    /// Derivatives of the contact forces with respect to the states before, shape (N, 9, n).
     #[getter(C)]
     fn c<'py>(&self, py: Python<'py>) -> Stack<'py> {
         self.stacked(py, [FORCES, self.states.len()], |jacobian| &jacobian.c)
     }
 
-    /// The contact forces by the torques, shape (N, 9, 3) or (N, 9, 3 k).
+    /// Derivatives of the contact forces with respect to the torques, shape (N, 9, 3) or (N, 9, 3 k).
     #[getter(D)]
     fn d<'py>(&self, py: Python<'py>) -> Stack<'py> {
         self.stacked(py, [FORCES, self.torques], |jacobian| &jacobian.d)
     }
 
-    /// The contact forces by the parameters, shape (N, 9, k).
+    /// Derivatives of the contact forces with respect to the parameters, shape (N, 9, k).
     #[getter(Q)]
     fn q<'py>(&self, py: Python<'py>) -> Stack<'py> {
         self.stacked(py, [FORCES, self.parameters.len()], |jacobian| &jacobian.q)
@@ -351,7 +351,7 @@ impl PyJacobians {
 /// forward = motion.jvp(torques=np.ones((20, 3)))
 /// ```
 ///
-/// Its products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
+/// `jvp` (forward mode) and `vjp` (reverse mode) differentiate the whole motion.
 #[pyclass(name = "MotionJacobians", module = "ballbot_rs", frozen, extends = PyJacobians)]
 pub(crate) struct PyMotionJacobians;
 

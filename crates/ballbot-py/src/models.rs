@@ -251,9 +251,7 @@ impl PyLinearModel {
         check_bounded("dt", &[dt]).map_err(to_python)?;
         let (a, b) = self.0.discretize(dt);
         if !a.iter().chain(&b).all(|value| value.is_finite()) {
-            return Err(InvalidInputError::new_err(format!(
-                "dt = {dt} s is too long: the state grows beyond all numbers"
-            )));
+            return Err(InvalidInputError::new_err(format!("dt = {dt} s is too long: the state overflows")));
         }
         Ok((dynamic(py, &a), dynamic(py, &b)))
     }

@@ -30,7 +30,7 @@ const TWO_URDFS: &str = "URDFs are two, of the bot and of the ball: Params.from_
 /// `PARAMETERS` has the name, unit, default, limit and description of each; those without a default are required.
 ///
 /// Raises:
-///     ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
+///     ValueError: a value is missing, unknown, not finite, or out of range; the message gives the value and the limit.
 #[pyclass(name = "Params", module = "ballbot_rs", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyParams(pub Params);
@@ -183,7 +183,7 @@ impl PyParams {
     ///     stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
     ///     damping: likewise, N/(m/s); None keeps `payload_damping`.
     ///     inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
-    ///         inertia of the body alone grows by it, for good; None is a point.
+    ///         inertia of the body is permanently increased by it; None is a point mass.
     ///     payload: 0, or 1 for a second payload, whose parameters are `second_payload_*`; there must be a first.
     ///
     /// Raises ValueError as the constructor.
@@ -232,7 +232,7 @@ impl PyParams {
         Self(self.0.without_payloads())
     }
 
-    /// The same robot with its payloads fixed to the body at their places, as laws take the robot.
+    /// The same robot with its payloads fixed to the body at their positions, as controllers model it.
     fn with_payloads_fixed(&self) -> Self {
         Self(self.0.with_payloads_fixed())
     }
@@ -257,7 +257,7 @@ impl PyParams {
         Ok(<[f64; 3]>::from(self.0.floor_rate_at(time)).into())
     }
 
-    /// Factor by which floor friction at x and y, m, is multiplied: 1 on an even floor. Raises ValueError for a place that is
+    /// Factor by which floor friction at x and y, m, is multiplied: 1 if uniform. Raises ValueError for a place that is
     /// not finite.
     fn floor_friction_factor(
         &self,

@@ -127,7 +127,7 @@ impl PyBallbot {
     /// Raises:
     ///     ValueError: a torque that is not finite or beyond `params.max_wheel_torque`; nothing has moved then.
     ///     DivergedError: the state has left the simulation's bounds.
-    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robot has come.
+    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` is the simulated time reached.
     #[pyo3(signature = (wheel_torques, steps=1))]
     fn step(
         &self,
@@ -210,7 +210,7 @@ impl PyBallbot {
         call(|| robot.push(&impulse, point.as_ref()))
     }
 
-    /// Replaces the force from outside on the body: it acts in every time step, until another force or a reset.
+    /// Replaces the external force on the body: it acts in every time step, until another force or a reset.
     ///
     /// A sine is `force` times sin(2π f t + phase), with t from its start; each time step has its mean over the step. Times are
     /// in whole time steps.
@@ -241,7 +241,7 @@ impl PyBallbot {
         call(|| robot.apply_force(&force))
     }
 
-    /// Moves the rest of a payload's springs, as a rider who leans does. It is held until another offset or a reset.
+    /// Moves the rest position of a payload's springs, as a leaning rider does. Held until another offset or a reset.
     ///
     /// Args:
     ///     offset: from the payload's place, body axes, shape (3,), m.
@@ -343,7 +343,7 @@ impl PyBallbot {
         Ok(PyBytes::new(py, &self.0.read()?.save()))
     }
 
-    /// Continues, to the last bit, from a snapshot of a robot with the same arguments.
+    /// Continues, bit for bit, from a snapshot of a robot with the same arguments.
     ///
     /// Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
     ///

@@ -371,13 +371,13 @@ impl PyContacts {
         array(py, self.contacts.wheel_normal_forces.as_slice())
     }
 
-    /// Drive friction of each wheel on the ball along its drive direction, N.
+    /// Traction of each wheel on the ball along its drive direction, N.
     #[getter]
     fn wheel_tractions<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.wheel_tractions.as_slice())
     }
 
-    /// Surface speed of each wheel relative to the ball along the drive direction, m/s.
+    /// Slip speed of each wheel on the ball along the drive direction, m/s.
     #[getter]
     fn wheel_slip_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, self.contacts.wheel_slip_speeds.as_slice())
@@ -419,7 +419,7 @@ impl PyContacts {
         self.contacts.on_obstacle
     }
 
-    /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt.
+    /// Steps since the reset in which the first guess of sticking and slipping contacts was wrong.
     #[getter]
     fn searched_steps(&self) -> u64 {
         self.contacts.searched_steps

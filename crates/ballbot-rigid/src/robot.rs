@@ -60,7 +60,7 @@ pub struct SimulationState {
     pub floor_force: [f64; 3],
     /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
     pub push: [f64; 6],
-    /// Force from outside on the body.
+    /// External force on the body.
     pub force: HeldForce<f64>,
     /// Motions of the payloads; of no meaning without them.
     pub payloads: [PayloadMotion<f64>; PAYLOADS],

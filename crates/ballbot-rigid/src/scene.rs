@@ -205,7 +205,7 @@ impl Scene {
         self.robots[robot].push(&self.world, impulse, point);
     }
 
-    /// Replaces the force from outside on a body.
+    /// Replaces the external force on a body.
     pub fn hold_force(&mut self, robot: usize, force: &HeldForce<f64>) {
         self.robots[robot].sim_state.force = *force;
     }

@@ -71,7 +71,7 @@ impl Plan {
 }
 
 impl Robot {
-    /// Adds the force from outside and the reaction of the payloads to the push of the step.
+    /// Adds the external force and the reaction of the payloads to the push of the step.
     pub fn load_body(&mut self, world: &World) {
         if self.sim_state.force.is_on() {
             let point = self.sim_state.force.point.into();

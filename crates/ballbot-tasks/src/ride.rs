@@ -37,9 +37,9 @@ task_fields! {
         pub rider_frequency: f64 = 12.0, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Damping ratio of that torso on its springs.
         pub rider_damping: f64 = 0.5, "", Limit::from(0.0).to(2.0);
-        /// How far the rider leans at most: by the angle about the ball's center.
+        /// Largest lean of the rider, as an angle about the ball's center.
         pub lean: f64 = 0.15, "rad", Limit::from(1e-6).to(1.0), scaled;
-        /// Difference of the wanted and the present velocity from which the rider leans that far.
+        /// Difference between the desired and current velocity at which the rider leans that far.
         pub eagerness: f64 = 1.1, "m/s", Limit::from(1e-6).to(100.0), scaled;
         /// Time constant with which the rider begins to lean.
         pub reaction: f64 = 0.2, "s", Limit::above(0.0).to(100.0), scaled;

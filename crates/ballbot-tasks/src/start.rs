@@ -22,17 +22,17 @@ macro_rules! task_fields {
             $(#[$meta])*
             pub struct $name {
                 $($fields)*
-                /// Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+                /// Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
                 /// opening; below `fall_tilt`.
                 pub reset_tilt: f64 = f64::to_radians($tilt), "rad", ::ballbot_base::fields::Limit::NOT_NEGATIVE;
-                /// The first yaw is uniform within ± this.
+                /// The initial yaw is uniform within ± this value.
                 pub reset_yaw: f64 = ::std::f64::consts::PI, "rad",
                     ::ballbot_base::fields::Limit::from(0.0).to(::std::f64::consts::PI);
-                /// Largest first ball speed; uniform over the disc.
+                /// Largest initial ball speed; uniform over the disc.
                 pub reset_ball_speed: f64 = 0.1, "m/s", ::ballbot_base::fields::Limit::from(0.0).to(10.0);
-                /// Largest first tilt rate; uniform over the disc.
+                /// Largest initial tilt rate; uniform over the disc.
                 pub reset_tilt_rate: f64 = 0.2, "rad/s", ::ballbot_base::fields::Limit::from(0.0).to(10.0);
-                /// The first rate about the mast is uniform within ± this.
+                /// The initial rate about the mast is uniform within ± this value.
                 pub reset_yaw_rate: f64 = 0.0, "rad/s", ::ballbot_base::fields::Limit::from(0.0).to(10.0);
                 /// Tilt from the equilibrium above which the episode is terminated.
                 pub fall_tilt: f64 = f64::to_radians($fall), "rad",

@@ -91,7 +91,7 @@ impl Task for Traverse {
     const SUMMARY: &'static str = "Follow a commanded velocity over uneven ground.";
     const REWARD_THRESHOLD: Option<f64> = Some(650.0);
     const SUCCESS: &'static str =
-        "not terminated, and `success_share` of the distance of the smoothed command travelled";
+        "not terminated, and `success_share` of the distance of the smoothed command traveled";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
     const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);

@@ -70,12 +70,12 @@ _STATE: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
 )
 #: The same for contacts.
 _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
-    ("wheel_normal_forces", WHEELS, "N", "load of a wheel on the ball, in the time step before"),
-    ("wheel_tractions", WHEELS, "N", "drive friction of a wheel on the ball, in the time step before"),
-    ("wheel_slip_speeds", WHEELS, "m/s", "of a wheel relative to the ball, in the time step before"),
-    ("floor_force", XYZ, "N", "of the floor on the ball, inertial frame, in the time step before"),
-    ("bot_floor_force", XYZ, "N", "of the floor on body and wheels, inertial frame, in the time step before"),
-    ("friction_utilization", ("0", "1", "2", "floor"), "", "share of the dynamic friction limit"),
+    ("wheel_normal_forces", WHEELS, "N", "load of a wheel on the ball, in the previous time step"),
+    ("wheel_tractions", WHEELS, "N", "traction of a wheel on the ball, in the previous time step"),
+    ("wheel_slip_speeds", WHEELS, "m/s", "of a wheel relative to the ball, in the previous time step"),
+    ("floor_force", XYZ, "N", "of the floor on the ball, inertial frame, in the previous time step"),
+    ("bot_floor_force", XYZ, "N", "of the floor on body and wheels, inertial frame, in the previous time step"),
+    ("friction_utilization", ("0", "1", "2", "floor"), "", "fraction of the dynamic friction limit in use"),
 )
 #: The same where there are obstacles.
 _OBSTACLES: Final = ("obstacle_force", XYZ, "N", "of obstacles on ball, body and wheels, inertial frame, likewise")
@@ -126,7 +126,7 @@ def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
     for term, drawn in trajectory.draws.items():
         values = _rows(drawn, rows)
         axes = tuple(str(i) for i in range(values.shape[1])) if drawn.ndim > 1 else SCALAR
-        yield Quantity("draws", f"drawn_{term.replace('.', '_')}", axes, "", "what events had drawn, SI units", values)
+        yield Quantity("draws", f"drawn_{term.replace('.', '_')}", axes, "", "sampled by events, SI units", values)
 
 
 def columns(trajectory: "Trajectory") -> dict[str, Array]:

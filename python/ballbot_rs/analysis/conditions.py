@@ -86,7 +86,7 @@ def _sensors(given: Any) -> Any:
 def _robot(given: Any) -> str:
     if is_family(given):
         other = " with other ranges" if given.get("ranges") else ""
-        return f"eight episodes of each robot, of {given['family']} of the family{other}, seed {given.get('seed', 0)}"
+        return f"eight episodes for each of {given['family']} robots of the family{other}, seed {given.get('seed', 0)}"
     if are_several(given):
         return f"{len(given)} robots"
     if not isinstance(given, (Params, Mapping)):
@@ -95,7 +95,7 @@ def _robot(given: Any) -> str:
     changed = {name: _changes(own, Params.preset(name).to_dict()) for name in ROBOTS}
     nearest = min(changed, key=lambda name: len(changed[name]))
     if len(changed[nearest]) > _MOST_LISTED:
-        return "a robot of a file"
+        return "a robot from a file"
     return " with ".join(filter(None, (f"robot {nearest}", ", ".join(changed[nearest]))))
 
 

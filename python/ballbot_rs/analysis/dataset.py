@@ -43,7 +43,7 @@ class Dataset:
 
     Episode i has rows `starts[i]` to `starts[i + 1]`.
 
-    A row is a step, but for the last row of an episode: the observation after it, with zeros as action and reward.
+    Each row is a step, except the last row of an episode: the final observation, with zero action and reward.
     """
 
     controller: str
@@ -81,7 +81,7 @@ class Dataset:
         """Writes the arrays, compressed, for `numpy.load`; infos as `infos_` and their key.
 
         Raises:
-            ValueError: another suffix than .npz.
+            ValueError: a suffix other than .npz.
             OSError: the file cannot be written; an earlier one stays as it is.
         """
         names = ("starts", "observations", "actions", "rewards", "terminations", "truncations")
@@ -92,7 +92,7 @@ class Dataset:
         """Creates a dataset of Minari, with infos and the environment to evaluate in; returns its `MinariDataset`.
 
         Args:
-            dataset_id: as "ballbot/balance-lqr-v0"; a new one.
+            dataset_id: for example "ballbot/balance-lqr-v0"; it must not exist yet.
             metadata: further arguments of `minari.create_dataset_from_buffers`, as `author` and `description`.
 
         Raises:
@@ -149,11 +149,11 @@ def record_dataset(
     Args:
         controller: as in `compare`, at the rate and torque limit of the environment.
         episodes: their number; episode i is the episode of the environment reset with seed + i.
-        noise: standard deviation of normal numbers that are added to the actions, for data beyond the closed loop.
+        noise: standard deviation of Gaussian noise added to the actions, for states beyond the nominal closed loop.
         task: as in `compare`.
         seed: of the first episode, and of the noise.
-        num_threads: threads that step the robots; None takes all cores.
-        progress: called with the number of steps done and their largest number.
+        num_threads: threads that step the robots; None uses all cores.
+        progress: called with the number of steps done and the largest possible number.
         options: as in `compare`.
 
     Raises:

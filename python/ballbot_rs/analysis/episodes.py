@@ -144,12 +144,12 @@ def compare(
             `options`.
         episodes: number of episodes; episode i is the episode of an environment seeded with seed + i.
         seed: of the first episode.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots; None uses all cores.
         engine: another engine in place of a model, "mujoco" or None; its motors are ideal.
-        sweep: lists of values by name, of which all combinations are compared, or a list of points, each values by
+        sweep: lists of values by name, all combinations of which are compared, or a list of points, each values by
             name. Names are options of the environment, "actuators.delay" for a part of one, "robot", parameters of the
             robot ("body_mass"), for which feedback laws are designed, or "events.body_mass", a number or a range that
-            no controller knows. The episodes are the same at every point, and for any `num_threads`.
+            is unknown to all controllers. The episodes are the same at every point, and for any `num_threads`.
         checkpoint: file that keeps the points of a sweep that are done; a sweep that was interrupted continues from it.
         progress: called with the number of steps done and their total, or, of a sweep, of points.
         options: of the environment, as `robot`, `model`, `actuators` and `terrain`; they override the options that the
@@ -171,7 +171,7 @@ def compare(
     if isinstance(controllers, str | Path):
         raise TypeError(f"controllers must be a list: [{str(controllers)!r}]")
     if checkpoint is not None and sweep is None:
-        raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
+        raise TypeError("checkpoint needs a sweep: pass its points as sweep=...")
     check_episodes(episodes)
     seed = check_seed(seed)
     found = [find(source, task=task, env_options=options) for source in controllers]

@@ -109,7 +109,7 @@ def to_html(
     forces: bool = False,
     dark: bool = False,
 ) -> None:
-    """Writes a replay in 3D; arguments as of `Trajectory.to_html`.
+    """Writes a replay in 3D; arguments as in `Trajectory.to_html`.
 
     Raises:
         ModuleNotFoundError: viser is not installed.
@@ -134,7 +134,7 @@ def format_of(path: str | PathLike[str]) -> Callable[["Trajectory", Path], None]
     """The writer of a file.
 
     Raises:
-        ValueError: another suffix than in `FORMATS`.
+        ValueError: a suffix that is not in `FORMATS`.
     """
     suffix = Path(path).suffix
     if suffix not in FORMATS:

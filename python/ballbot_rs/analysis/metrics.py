@@ -29,7 +29,7 @@ class Metrics:
     tilt_rms: float
     tilt_max: float
     #: Horizontal distance of the ball from the position of the setpoint, m; NaN without one, as in a recording of the
-    #: page in other tasks than balance.
+    #: page in tasks other than balance.
     position_error_rms: float
     position_error_max: float
     position_error_final: float

@@ -69,7 +69,7 @@ class Force:
     ```
     """
 
-    #: Inertial frame, N; of a sine its amplitude.
+    #: Inertial frame, N; for a sine, its amplitude.
     force: Vector
     #: s.
     begin: float = 0.0
@@ -109,16 +109,16 @@ def checked(
         _check_vectors("a push", push.impulse, push.point)
         time, duration = check_real("time of a push", push.time), check_real("duration of a push", push.duration)
         if not 0.0 <= time < seconds:
-            limits = f"it must be from 0 to before the end, {seconds} s"
+            limits = f"it must be at least 0 and before the end, {seconds} s"
             raise InvalidInputError(f"a push at {time} s is out of range: {limits}")
         if not 0.0 <= duration < math.inf:
             raise InvalidInputError(f"a push has duration = {duration}: it must be at least 0 and finite")
     for force in constant:
         _check_vectors("a force", force.force, force.point)
-        begin = check_real("begin of a force", force.begin)
+        begin = check_real("beginning of a force", force.begin)
         end = seconds if force.end is None else check_real("end of a force", force.end)
         if not 0.0 <= begin < min(end, seconds):
-            limits = f"it must be from 0 to before its end, {min(end, seconds)} s"
+            limits = f"it must be at least 0 and before its end, {min(end, seconds)} s"
             raise InvalidInputError(f"a force begins at {begin} s: {limits}")
         frequency = check_real("frequency of a force", force.frequency)
         if not 0.0 <= frequency <= _MOST_HERTZ:

@@ -69,7 +69,7 @@ def collect(
             upright without recovering are shown separately.
         task: name of the task, as in `compare`.
         env_options: options of the environment; they override the options that a policy was trained with.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots; None uses all cores.
         progress: called with the number of steps done and their total.
 
     Raises:

@@ -31,7 +31,7 @@ MAX_STEPS = 10**8
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Result:
-    """How a controller did over a number of episodes.
+    """Performance of a controller over a number of episodes.
 
     ```python
     result = bb.evaluate("lqr", robot="kugle", episodes=10)
@@ -47,7 +47,7 @@ class Result:
     #: Time step of the model, s: the option `sim_dt`, or less where the controller's period is not a multiple of it.
     sim_dt: float
     episodes: int
-    #: Fraction of episodes that ended in success. With pushes it measures the time of the last push, not the
+    #: Fraction of episodes that ended in success. With pushes it reflects the time of the last push, not the
     #: controller: judge by `survival_rate`, `recovery_time` and `ball_rms`.
     success_rate: float
     #: Wilson 95 % interval of that fraction.

@@ -53,7 +53,7 @@ class Rollout:
 
     Its arrays are read-only; `rollout["tilt"]` is a record.
 
-    A robot that falls, diverges or reaches the end of the ground is frozen: its later rows repeat the last row before.
+    A robot that falls, diverges or reaches the edge of the ground is frozen: its later rows repeat its last row.
     """
 
     controller: str
@@ -106,7 +106,7 @@ class Rollout:
         """Writes `times`, `fell_at`, `ended_at` and the records, compressed, for `numpy.load`.
 
         Raises:
-            ValueError: another suffix than .npz.
+            ValueError: a suffix other than .npz.
             OSError: the file cannot be written; an earlier one stays as it is.
         """
         own = {"times": self.times, "fell_at": self.fell_at, "ended_at": self.ended_at}
@@ -130,7 +130,7 @@ def rollout(
     progress: Progress = no_progress,
     **options: Unpack[TaskOptions],
 ) -> Rollout:
-    """Runs a controller on many robots at once and keeps only what is named, for studies of thousands.
+    """Runs a controller on many robots at once and keeps only the named records, for studies with thousands of robots.
 
     ```python
     masses = np.random.default_rng(0).normal(2.2, 0.2, 100)
@@ -142,7 +142,7 @@ def rollout(
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
         num_robots: their number; None is the number of `robots`.
         robots: the true robots, unknown to the controller: `Params` of each, or arrays by parameter, as
-            {"body_mass": masses}, shape (n,), or (n, numbers) of a vector; the rest is as in `robot`, for which
+            {"body_mass": masses}, shape (n,), or (n, numbers) for a vector; all else is as in `robot`, for which
             the controller is designed.
         seconds: simulated time; None is 5 s.
         tilt: from the equilibrium, at rest, components (x, y), rad, shape (2,) or (n, 2); None samples starts.
@@ -152,7 +152,7 @@ def rollout(
         dtype: of the records, a type of real numbers.
         task: name of the task, as in `compare`.
         seed: of the first robot; robot i has the random numbers of seed + i.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots; None uses all cores.
         progress: called with the number of control steps done and their total.
         options: as in `simulate`; `events` are sampled for each robot.
 
@@ -256,11 +256,11 @@ def _count(num_robots: int | None, robots: OwnRobots | None) -> int:
             raise TypeError("robots must be a list of Params, or arrays by the name of a parameter")
         found["robots"] = len(robots)
     if not found:
-        raise TypeError("name the number of robots, or the robots: num_robots=, robots=")
+        raise TypeError("give the number of robots, num_robots=, or the robots, robots=")
     (first, count), *others = found.items()
     for name, other in others:
         if other != count:
-            raise InvalidInputError(f"{first} is of {count} robots, {name} of {other}")
+            raise InvalidInputError(f"{first} has {count} robots, but {name} has {other}")
     return check_count(first, count)
 
 

@@ -73,14 +73,14 @@ def simulate(
             made. None is the setpoint of the task.
         pushes: an impulse on the body, or several, at once or over a duration.
         forces: a constant force on the body, or several. Both act as impulses at the starts of control steps.
-        seconds: simulated time; None is until the reference ends, a circle or lemniscate with its first turn at full
-            speed, or 5 s if it does not.
+        seconds: simulated time; None: to the end of the reference (of its first turn at full speed for a circle or
+            lemniscate), or 5 s without an end.
         start: initial state, in place of position, tilt and yaw.
-        position: place of the ball above the ground, shape (2,), m; None is the start of the reference, or the origin
+        position: position of the ball over the ground, shape (2,), m; None is the start of the reference, or the origin
             without a reference or for constant parts.
         tilt: from the equilibrium, components (x, y), rad; on a slope added to the equilibrium lean there. Beyond the
-            option `fall_tilt` of the task the robot has fallen at its start.
-        yaw: heading, rad; None as `position`.
+            option `fall_tilt` of the task the robot counts as fallen from the start.
+        yaw: heading, rad; None as for `position`.
         task: name of the task, as in `compare`.
         seed: of the events and sensors.
         options: of the environment, as `robot`, `model`, `actuators` and `terrain`; they override the options that a

@@ -68,7 +68,7 @@ class Study:
         """The numbers of a column, at the points in their order; of one controller, `controller="lqr"`, or of all.
 
         Raises:
-            ValueError: an unknown column, or nothing of this name.
+            ValueError: an unknown column, or an unknown controller or scenario.
         """
         self._check(name)
         found = [row[name] for row in self.rows if all(row.get(key) == value for key, value in case.items())]
@@ -130,7 +130,7 @@ class Study:
         """Writes the rows as CSV; numbers read back bit for bit, missing numbers are empty.
 
         Raises:
-            ValueError: another suffix than .csv.
+            ValueError: a suffix other than .csv.
             OSError: the file cannot be written; an earlier one stays as it is.
         """
         import csv
@@ -150,7 +150,7 @@ class Study:
     ) -> Any:
         """The matplotlib figure of a column over the sweep: curves of one name, heat maps of two.
 
-        Shares have Wilson's 95 % intervals, means of metrics their bootstrap intervals, as bands.
+        Bands are 95 % intervals: Wilson intervals for fractions, bootstrap intervals for means of metrics.
 
         Args:
             value: the column; None is `value` of the study.
@@ -160,7 +160,7 @@ class Study:
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
             ValueError: an unknown column or a column without numbers, points that are not a grid of one or two names,
-                another suffix than .svg, .pdf or .png, or a width out of range.
+                a suffix other than .svg, .pdf or .png, or a width out of range.
             OSError: as `to_csv`.
         """
         with require("a figure", "plot"):

@@ -64,7 +64,7 @@ def points_of(sweep: Sweep) -> list[dict[str, Any]]:
         if point.keys() != points[0].keys() or not point:
             raise InvalidInputError(
                 f"{FLAG}: point {i} has {', '.join(point) or 'no names'}, point 0 {', '.join(points[0]) or 'none'}: "
-                "every point has a value of each name"
+                "every point needs a value for each name"
             )
         text = json.dumps(point, default=repr)
         if text in texts:
@@ -149,7 +149,7 @@ def full_names(names: Iterable[str], options: Sequence[str]) -> dict[str, str]:
         full = name if head in options else f"robot.{name}"
         same = next((other for other, its in found.items() if its == full), None)
         if same is not None:
-            raise InvalidInputError(f"{FLAG} has '{same}' and '{name}', which are one option")
+            raise InvalidInputError(f"{FLAG} has '{same}' and '{name}', which are the same option")
         found[name] = full
     return found
 

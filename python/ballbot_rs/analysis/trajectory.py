@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Trajectory:
-    """Rows at the times of the controller's decisions; torques hold from a row to the next.
+    """One row per controller decision; torques are held from one row to the next.
 
     ```python
     path = bb.simulate("lqr", tilt=(0.05, 0.0), pushes=bb.Push((0.3, 0.0, 0.0)), seconds=3.0)
@@ -159,7 +159,7 @@ class Trajectory:
         """Writes the columns of `columns` as CSV; numbers read back bit for bit.
 
         Raises:
-            ValueError: another suffix than .csv.
+            ValueError: a suffix other than .csv.
             OSError: the file cannot be written; an earlier one stays as it is.
         """
         exports.to_csv(self, path)
@@ -168,7 +168,7 @@ class Trajectory:
         """Writes the columns of `columns` for `numpy.load`.
 
         Raises:
-            ValueError: another suffix than .npz.
+            ValueError: a suffix other than .npz.
             OSError: as `to_csv`.
         """
         exports.to_npz(self, path)
@@ -181,7 +181,7 @@ class Trajectory:
 
         Raises:
             ModuleNotFoundError: mcap is not installed.
-            ValueError: another suffix than .mcap.
+            ValueError: a suffix other than .mcap.
             OSError: as `to_csv`.
         """
         exports.to_mcap(self, path)
@@ -191,7 +191,7 @@ class Trajectory:
 
         Raises:
             ModuleNotFoundError: pyarrow is not installed.
-            ValueError: another suffix than .parquet.
+            ValueError: a suffix other than .parquet.
             OSError: as `to_csv`.
         """
         exports.to_parquet(self, path)
@@ -202,7 +202,7 @@ class Trajectory:
         """Writes one HTML file that replays the motion in 3D, as on the page of `ballbot view`, over its curves.
 
         The file loads nothing from elsewhere and needs a browser with WebGL. It has pushes, forces and the task's
-        command, a mark at the present time in the curves, if matplotlib is installed, the numbers of `metrics` and all
+        command, curves with a mark at the current time (if matplotlib is installed), the numbers of `metrics` and all
         parameters. Each of its frames is the nearest row.
 
         Args:
@@ -213,7 +213,7 @@ class Trajectory:
 
         Raises:
             ModuleNotFoundError: viser is not installed.
-            ValueError: another suffix than .html, or a frame rate out of range.
+            ValueError: a suffix other than .html, or a frame rate out of range.
             OSError: as `to_csv`.
         """
         exports.to_html(self, path, frame_rate=frame_rate, forces=forces, dark=dark)
@@ -227,7 +227,7 @@ class Trajectory:
 
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
-            ValueError: another suffix than .svg, .pdf or .png, or a width out of range.
+            ValueError: a suffix other than .svg, .pdf or .png, or a width out of range.
             OSError: as `to_csv`.
         """
         with require("a figure", "plot"):

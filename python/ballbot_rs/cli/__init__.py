@@ -42,7 +42,7 @@ ERRORS = (ValueError, OSError, ImportError, ArithmeticError, TypeError, RuntimeE
 DESCRIPTION = "Simulate, train, evaluate and show ballbots."
 EPILOG = (
     "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted, "
-    "141 nobody reads the output, 143 terminated."
+    "141 output closed by its reader, 143 terminated."
 )
 
 EXAMPLES = (

@@ -75,7 +75,7 @@ class ControllerInfo:
 
 
 def controllers() -> dict[str, ControllerInfo]:
-    """The controllers by name, with their parts of a setpoint, rates and options.
+    """The controllers by name, with the parts of a setpoint that they follow, rates and options.
 
     ```python
     for name, info in bb.controllers().items():

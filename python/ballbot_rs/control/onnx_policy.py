@@ -104,7 +104,7 @@ class OnnxPolicy:
 
     @property
     def state_len(self) -> int:
-        """Numbers in the state of a recurrent policy; 0 for another policy."""
+        """Length of the state of a recurrent policy; 0 for other policies."""
         return self._state_len
 
     def initial_state(self, count: int | None = None) -> npt.NDArray[np.float32]:
@@ -123,10 +123,10 @@ class OnnxPolicy:
         Raises:
             ValueError: another shape, or a recurrent policy: `step` takes its state.
             TypeError: not numbers.
-            TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; it has been ended.
+            TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; the call is aborted.
         """
         if self._state_len:
-            raise ValueError(f"{self._file} is a recurrent policy: step(observation, state) takes and gives its state")
+            raise ValueError(f"{self._file} is a recurrent policy: step(observation, state) returns its next state")
         rows = self._numbers("observation", observation, self._rows)
         (actions,) = self._infer({"observation": rows}, ["action"])
         return actions if rows.ndim == 2 else actions[0]
@@ -184,7 +184,7 @@ class OnnxPolicy:
         try:
             found = deadline.run(limit, self._run, lambda options: self._session.run(names, given, options))
         except TimeoutError as error:
-            raise TimeoutError(f"{self._file} has been ended: {error}") from error
+            raise TimeoutError(f"{self._file} was aborted: {error}") from error
         return found
 
     def controller(self, robot: Robot | None = None) -> Controller:
@@ -205,7 +205,7 @@ class OnnxPolicy:
             robot: as in `Controller`; the scale of actions and observations follows from it if it did in training.
 
         Raises:
-            ValueError: a policy of another task, or another network than LSTM cells and dense layers with tanh between
+            ValueError: a policy of another task, or a network other than LSTM cells and dense layers with tanh between
                 them.
             ModuleNotFoundError: onnx is not installed.
         """

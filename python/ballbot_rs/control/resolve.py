@@ -217,7 +217,7 @@ def _without_events(options: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
 
 def _check_size(path: Path) -> None:
     if path.is_file() and path.stat().st_size > MAX_FILE_SIZE:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: no policy of this task")
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_FILE_SIZE}: too large for a policy")
 
 
 def common_task(controllers: Sequence[ResolvedController], task: str | None = None) -> str:
@@ -252,7 +252,7 @@ def common_options(
         if controller.env_options != options or _row_names(controller.env_options) != _row_names(options):
             raise ValueError(
                 f"{controller.name} is for {dict(controller.env_options)}, {policies[0].name} for {dict(options)}: "
-                "not one task"
+                "not the same task"
             )
     given = decided(env_options or {})
     if isinstance(given.get("events"), str) and given["events"] == TRAINED:

@@ -66,7 +66,7 @@ def metadata(task: str, algorithm: str, env_options: Mapping[str, Any]) -> dict[
 
 @named
 def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
-    """Saves a model of Stable-Baselines3 with the task that it was trained for; every command takes such a file.
+    """Saves a model of Stable-Baselines3 with the task that it was trained for; every command accepts such a file.
 
     ```python
     from stable_baselines3 import PPO
@@ -97,7 +97,7 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
         try:
             (task,), (options,) = env.get_attr("task", [0]), env.get_attr("task_options", [0])
         except AttributeError:
-            raise ValueError("the model's environment is not one of ballbot_rs") from None
+            raise ValueError("the model's environment is not from ballbot_rs") from None
         if unwrap_vec_normalize(env) is not None:
             raise ValueError("VecNormalize's statistics are not part of a policy file: train without it")
         spaces = observation_space(task, options), action_space()
@@ -282,7 +282,7 @@ def _load_unnamed(
 def _warn_of_code(path: Path, why: str) -> None:
     warnings.warn(
         f"{path} has {why}: loading it runs code that is in the file, so load it only if you trust its origin. "
-        "Files of ballbot_rs.save with a usual policy, and ONNX files, are loaded without",
+        "Files of ballbot_rs.save with a usual policy, and ONNX files, load without running code",
         UserWarning,
         stacklevel=3,
     )

@@ -27,11 +27,11 @@ YAW_RATE: Final = NAMES.index("body rate z")
 
 @named
 class StateFeedback:
-    """The law τ = −K x of a gain K, for whatever takes a law; `lqr` and `dlqr` of MATLAB return K with this sign.
+    """The law τ = −K x of a gain K, usable wherever a law is; `lqr` and `dlqr` of MATLAB return K with this sign.
 
     x is the deviation from the setpoint in the heading frame, SI units and radians: position error of the ball (x, y),
     tilt (x, y) from the equilibrium about these axes, yaw error, then their rates: the states of `LinearModel`, whose
-    `A` and `B` K is designed with. τ are the torques of the wheels 0, 1, 2, N·m. They are limited only by the motors,
+    `A` and `B` are used to design K. τ are the torques of the wheels 0, 1, 2, N·m. They are limited only by the motors,
     scaled down together; `Lqr` also limits lean, speed and traction. It follows `position`, `velocity`, `yaw` and
     `yaw_rate`.
 
@@ -67,7 +67,7 @@ class StateFeedback:
         columns = _columns(states)
         given = real_array("gain is", gain, "numbers")
         if given.shape != (3, len(columns)):
-            raise InvalidInputError(f"gain has shape {given.shape}, expected (3, {len(columns)}): a column a state")
+            raise InvalidInputError(f"gain has shape {given.shape}, expected (3, {len(columns)}): one column per state")
         if not np.isfinite(given).all():
             raise InvalidInputError("gain has numbers that are not finite")
         if not check_real("control_dt", control_dt) > 0.0:

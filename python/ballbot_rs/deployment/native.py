@@ -32,7 +32,7 @@ SETPOINT_LEN: Final = 14
 
 @named
 class NativeLaw:
-    """A law in C, for whatever takes a law: one call for all robots at each control step.
+    """A law in C, usable wherever a law is: one call for all robots at each control step.
 
     ```python
     import pathlib, subprocess
@@ -50,11 +50,11 @@ class NativeLaw:
     void law(int count, const ballbot_state *states, const ballbot_setpoint *setpoints, double *torques, void *memory);
     ```
 
-    which writes three wheel torques for each of `count` robots, N·m, limited afterwards as of any law. A law with
+    which writes three wheel torques for each of `count` robots, N·m, limited afterwards like any law's. A law with
     memory also has `int law_memory(void)`, the bytes of one robot, and may have `void law_reset(void *memory)`, which
     begins an episode of one robot; else the memory is zero then. docs/deployment.md has a program.
 
-    A library is code of this process: one that writes beyond its arrays ends it.
+    The library runs in this process: writing beyond its arrays can crash it.
 
     Args:
         library: path of a shared library, or a `ctypes.CDLL`.

@@ -167,7 +167,7 @@ class _Writer:
 
 def _check_axis(node: Any, attributes: dict[str, Any]) -> None:
     if attributes.get("axis", 0) not in (1, -1):
-        raise ValueError(f"the operator {node.op_type} along another axis than the numbers cannot be written as C")
+        raise ValueError(f"the operator {node.op_type} along an axis other than the numbers cannot be written as C")
 
 
 def _loop(size: int, *lines: str) -> str:

@@ -66,7 +66,7 @@ def policy_header(
         raise ValueError(f"{file} was trained on several robots: name the robot that it is to drive (--robot)")
     for part in (*INSTRUMENTS, "rows"):
         if options.get(part) is not None:
-            raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
+            raise ValueError(f"{file}: a policy with {part} cannot be written as C, which has no {part}")
     batch = new_batch(1, task=policy.task, num_threads=1, options=options)
     options["max_wheel_torque"] = batch.max_wheel_torque
     rows = [dict(row) for row in description_of(policy.task)["observation"]]

@@ -57,7 +57,7 @@ void inspect(const ballbot_supervisor *supervisor, double *numbers)
 
 @named
 class Supervised:
-    """Any controller within the limits of a robot, as it runs on the robot: a law, for whatever takes one.
+    """Any controller kept within the limits of a robot, as on the robot itself: usable wherever a law is.
 
     ```python
     law = bb.Supervised("lqr", "kugle", actuators="kugle")
@@ -72,7 +72,7 @@ class Supervised:
             that is supervised, as `EstimatedController`.
         robot: as in `simulate`; None is the paper's.
         control_dt: time between two calls, s; None is the controller's, else 0.01 s.
-        limits: as of `supervisor_header`.
+        limits: as in `supervisor_header`.
 
     Raises:
         ValueError: a policy, a law that reads sensors without an estimate, or a number out of range.
@@ -112,7 +112,7 @@ class Supervised:
 
     @property
     def share(self) -> float:
-        """What is left of the torques: 1 until a trip, then falling to 0."""
+        """Fraction of the torques that remains: 1 until a trip, then falling to 0."""
         return float(self._inspect()[3])
 
     def reset(self) -> None:

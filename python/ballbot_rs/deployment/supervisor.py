@@ -46,7 +46,7 @@ def supervisor_header(
     basin: float = 1.0,
     tilt_time: float | None = None,
 ) -> str:
-    """The text of a C99 header with the supervisor of one robot: docs/safety.md has what it does.
+    """The text of a C99 header with the supervisor of one robot; docs/safety.md describes it.
 
     Args:
         robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
@@ -55,7 +55,7 @@ def supervisor_header(
         max_torque: largest torque of a motor, N·m; None is `max_wheel_torque` of the robot.
         max_speed: speed of a wheel above which it trips, rad/s; None is 1.2 times `speed_limit` of the actuators, else
             1.2 times their `no_load_speed`, else no limit.
-        continuous_torque: torque that a motor can have forever, N·m; None is a third of `max_torque`.
+        continuous_torque: torque that a motor can sustain indefinitely, N·m; None is a third of `max_torque`.
         heating_time: time constant of the heat of a motor, s.
         ramp_time: time from a trip to zero torque, s; None is the robot's time constant of toppling.
         most_missed: control steps in a row without usable readings that are bridged; one more trips.

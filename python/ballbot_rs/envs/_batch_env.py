@@ -185,9 +185,9 @@ def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
 def fixed_option(task: str, name: str) -> str | None:
     """The reason why an option of the task cannot be set as an attribute; None for other names."""
     if name in ("robot", "params"):
-        return f"{name} is not an attribute to set: call set_params"
+        return f"{name} cannot be set as an attribute: call set_params"
     is_option = name in option_names(task)
-    return f"{name} is fixed once an environment is made: make one with {name}=..." if is_option else None
+    return f"{name} is fixed once an environment is made: make a new environment with {name}=..." if is_option else None
 
 
 class BatchAttributes:
@@ -257,9 +257,9 @@ class OneRobot(BatchAttributes):
 
     @property
     def command(self) -> npt.NDArray[np.float64]:
-        """The present command, shape (k,), its parts as in `TASKS[task]["command"]`.
+        """The current command, shape (k,), its parts as in `TASKS[task]["command"]`.
 
-        Setting it holds it from the next observation to the end of the episode.
+        A command that is set holds from the next observation to the end of the episode.
         """
         return self._batch.command(self._index)
 
@@ -298,7 +298,7 @@ class OneRobot(BatchAttributes):
         delay: float = 0.0,
         duration: float | None = None,
     ) -> None:
-        """Replaces the force from outside on the body; see `Ballbot.apply_force`."""
+        """Replaces the external force on the body; see `Ballbot.apply_force`."""
         self._batch.apply_force(
             self._index, force, point, frequency=frequency, phase=phase, delay=delay, duration=duration
         )
@@ -313,7 +313,7 @@ class ManyRobots(BatchAttributes):
 
     @property
     def command(self) -> npt.NDArray[np.float64]:
-        """The present commands, shape (num_envs, k), their parts as in `TASKS[task]["command"]`.
+        """The current commands, shape (num_envs, k), their parts as in `TASKS[task]["command"]`.
 
         Setting them, to one for all robots or one each, holds them from the next observations to the ends of the
         episodes.
@@ -391,7 +391,7 @@ class ManyRobots(BatchAttributes):
 
 
 class BatchEnv(BatchAttributes):
-    """Owns a `Batch` and carries it through `copy` and `pickle` with everything the future depends on."""
+    """Owns a `Batch` and carries it through `copy` and `pickle` with all the state that later steps depend on."""
 
     task: str
 

@@ -68,7 +68,7 @@ def _check_geometry(params: Params, shown: Params) -> None:
     for name in GEOMETRY:
         ours, theirs = getattr(params, name), getattr(shown, name)
         if not np.allclose(ours, theirs, rtol=1e-3):
-            raise ValueError(f"the URDFs to be shown are of another robot: {name} = {theirs}, simulated is {ours}")
+            raise ValueError(f"the URDFs show another robot: {name} is {theirs}, but {ours} in the simulation")
 
 
 def warn_without_mode() -> None:

@@ -25,7 +25,7 @@ class CostInfo(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     Each is 1 or 0 as float: whether the step terminated the episode, as by a fall; whether a wheel or the floor used
     more of its friction limit than `max_traction` at the end of the step; whether the ball was faster than `max_speed`.
-    A reset has zeros.
+    After a reset they are 0.
 
     Args:
         env: an environment of one robot of this package, wrapped or not.

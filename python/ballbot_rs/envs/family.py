@@ -73,7 +73,7 @@ def sample_robots(count: int, seed: int = 0, ranges: Ranges | None = None) -> li
     Args:
         count: number of robots.
         seed: of the random numbers.
-        ranges: least and most of what `RANGES`, `LINEAR` and `LAST` name, in place of theirs.
+        ranges: smallest and largest value by name in `RANGES`, `LINEAR` and `LAST`, replacing their ranges.
 
     Raises:
         ValueError: a number out of range, or ranges in which hardly any robot is valid.
@@ -186,7 +186,7 @@ def _range(name: str, bounds: Any) -> tuple[float, float]:
             range.
     """
     if isinstance(bounds, str) or not isinstance(bounds, Sequence) or len(bounds) != 2:
-        raise InvalidInputError(f"robot.ranges[{name!r}] = {bounds!r}: expected a least and a most number")
+        raise InvalidInputError(f"robot.ranges[{name!r}] = {bounds!r}: expected a smallest and a largest number")
     least, most = (check_real(f"robot.ranges[{name!r}]", bound) for bound in bounds)
     lowest, highest = _BOUNDS.get(name, (np.finfo(float).tiny if name in RANGES else -LARGEST, LARGEST))
     if not lowest <= least <= most <= highest:

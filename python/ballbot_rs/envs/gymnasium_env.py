@@ -79,7 +79,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         """Begins an episode.
 
         Args:
-            seed: seeds the following start states; None continues with the present random numbers.
+            seed: seeds the following start states; None continues the current random sequence.
             options: `{"state": State}` starts from that state.
 
         Raises:
@@ -115,7 +115,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         return info
 
     def render(self) -> Frames | None:
-        """The present state as a picture, shape (height, width, 3), uint8; None without a render mode."""
+        """The current state as a picture, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             warn_without_mode()
             return None

@@ -190,17 +190,17 @@ class CommonOptions(TypedDict, total=False):
     #: Steps after which an episode is truncated; None: never. (>= 1)
     max_episode_steps: int | None
     #: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright robot:
-    #: an untrained policy then explores torques that balance a robot, not torques that throw it. With `scale_by_robot`
+    #: an untrained policy then explores torques that balance a robot, not torques that topple it. With `scale_by_robot`
     #: it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that holds its largest
     #: lean, within the motors' limit. (N·m, >= 1e-9)
     max_wheel_torque: float | None
-    #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+    #: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
     #: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
     #: robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a policy.
     scale_by_robot: bool
-    #: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest
-    #: first. docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    #: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest first.
+    #: docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)
     history: int | Sequence[int]
     #: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves
     #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
@@ -248,16 +248,16 @@ class BalanceOptions(CommonOptions, total=False):
     success_tilt: float
     #: Largest distance of the ball from the setpoint in that window. (m, >= 1e-12 and <= 1e6)
     success_radius: float
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -288,16 +288,16 @@ class VelocityOptions(CommonOptions, total=False):
     success_velocity: float | None
     #: Largest root mean square of the settled errors of the heading's rate in a success. (rad/s, > 0 and <= 10)
     success_yaw_rate: float | None
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -319,16 +319,16 @@ class GoalOptions(CommonOptions, total=False):
     approach_time: float
     #: How long the ball must have been at its goal when the next goal is given. (s, >= 0 and <= 1e9)
     hold_seconds: float
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -356,16 +356,16 @@ class PathOptions(CommonOptions, total=False):
     distance_scale: float | None
     #: Largest root mean square of the distance across the path in a success. (m, > 0 and <= 10)
     success_error: float | None
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -385,16 +385,16 @@ class PushOptions(CommonOptions, total=False):
     setpoint: npt.ArrayLike
     #: Distance of the ball from the setpoint that costs half. (m, >= 1e-12 and <= 1e6)
     position_scale: float | None
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -428,16 +428,16 @@ class CarryOptions(CommonOptions, total=False):
     #: Height of the rim above the water at rest: it spills when the surface is higher at the wall. (m, >= 1e-6 and <=
     #: 10)
     freeboard: float
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -469,16 +469,16 @@ class NavigateOptions(CommonOptions, total=False):
     margin: float
     #: Distance from obstacles at which guides begin to avoid them. (m, > 0 and <= 100)
     range: float
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -505,9 +505,9 @@ class RideOptions(CommonOptions, total=False):
     rider_frequency: float | None
     #: Damping ratio of that torso on its springs. (>= 0 and <= 2)
     rider_damping: float
-    #: How far the rider leans at most: by the angle about the ball's center. (rad, >= 1e-6 and <= 1)
+    #: Largest lean of the rider, as an angle about the ball's center. (rad, >= 1e-6 and <= 1)
     lean: float | None
-    #: Difference of the wanted and the present velocity from which the rider leans that far. (m/s, >= 1e-6 and <= 100)
+    #: Difference between the desired and current velocity at which the rider leans that far. (m/s, >= 1e-6 and <= 100)
     eagerness: float | None
     #: Time constant with which the rider begins to lean. (s, > 0 and <= 100)
     reaction: float | None
@@ -527,16 +527,16 @@ class RideOptions(CommonOptions, total=False):
     stopped_speed: float | None
     #: Time for which it must be that slow to have stopped. (s, > 0 and <= 1e9)
     stopped_seconds: float | None
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -564,16 +564,16 @@ class TerrainOptions(CommonOptions, total=False):
     hardest: float
     #: Smallest fraction of the distance of the smoothed command in a success. (>= 0 and <= 1)
     success_share: float
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -586,16 +586,16 @@ class OpenBallBotOptions(CommonOptions, total=False):
     speed: float | None
     #: Acceleration to that speed. (m/s², > 0 and <= 1e6)
     acceleration: float | None
-    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
-    #: `fall_tilt`. (rad, >= 0)
+    #: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its opening;
+    #: below `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    #: The initial yaw is uniform within ± this value. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    #: Largest initial ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest initial tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    #: The initial rate about the mast is uniform within ± this value. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float

@@ -35,7 +35,7 @@ def _register(name: str, env_id: str, task: Mapping[str, Any]) -> None:
 
 
 def register(env_id: str, task: type[Task], **options: Any) -> None:
-    """Makes a task in Python known: to Gymnasium by its id, and to every front end and command as a task.
+    """Registers a task in Python with Gymnasium, by its id, and with every front end and command.
 
     ```python
     class Slow(bb.Task):

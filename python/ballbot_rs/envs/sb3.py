@@ -127,7 +127,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
             `make_vec_env(..., vec_env_cls=BallbotVecEnv)`, whose environments give number, task and options.
         num_envs: number of robots.
         task: name or id of the task.
-        num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
+        num_threads: threads that step the robots; None uses all cores. Results do not depend on it.
         seed: environment i is seeded with seed + i; None takes a seed from the operating system.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
             not all truncated on the same step.

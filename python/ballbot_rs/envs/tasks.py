@@ -59,7 +59,7 @@ class BalanceEnv(BallbotEnv):
     | 14  | last action, wheel 1                       |       | 1     | 0       | 0.5     |
     | 15  | last action, wheel 2                       |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -84,8 +84,8 @@ class BalanceEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (1000). A success is: not terminated, and over the last `success_window` tilt
-    within `success_tilt` and ball within `success_radius`.
+    Truncated after `max_episode_steps` (1000). Success: not terminated, and over the last `success_window` tilt within
+    `success_tilt` and ball within `success_radius`.
 
     ## Info
     The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
@@ -102,16 +102,16 @@ class BalanceEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -142,12 +142,13 @@ class BalanceEnv(BallbotEnv):
     - `success_tilt`: Largest tilt from the equilibrium in that window. (default 0.0174533 rad; > 0 and <= pi)
     - `success_radius`: Largest distance of the ball from the setpoint in that window. (default 0.1 m; >= 1e-12 and <=
       1e6)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 
@@ -253,7 +254,7 @@ class VelocityEnv(BallbotEnv):
     | 18  | last action, wheel 1             |       | 1     | 0       | 0.5     |
     | 19  | last action, wheel 2             |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -278,11 +279,11 @@ class VelocityEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (2000). A success is: not terminated, and the settled errors within
+    Truncated after `max_episode_steps` (2000). Success: not terminated, and the settled errors within
     `success_velocity` and `success_yaw_rate`.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what                          | unit  | bound |
@@ -314,16 +315,16 @@ class VelocityEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -367,12 +368,13 @@ class VelocityEnv(BallbotEnv):
       m/s, scaled; > 0 and <= 10)
     - `success_yaw_rate`: Largest root mean square of the settled errors of the heading's rate in a success. (default
       0.05 rad/s, scaled; > 0 and <= 10)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -475,7 +477,7 @@ class GoalEnv(BallbotEnv):
     | 15  | last action, wheel 1                       |       | 1     | 0       | 0.5     |
     | 16  | last action, wheel 2                       |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -499,11 +501,11 @@ class GoalEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (2000). A success is: not terminated, and every goal held within `goal_radius`
-    for the last `hold_seconds` of its time.
+    Truncated after `max_episode_steps` (2000). Success: not terminated, and every goal held within `goal_radius` for
+    the last `hold_seconds` of its time.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what             | unit | bound |
@@ -534,16 +536,16 @@ class GoalEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -578,12 +580,13 @@ class GoalEnv(BallbotEnv):
     - `approach_time`: Time constant of the end of that approach. (default 0.25 s; > 0 and <= 100)
     - `hold_seconds`: How long the ball must have been at its goal when the next goal is given. (default 1 s; >= 0 and
       <= 1e9)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -695,7 +698,7 @@ class PathEnv(BallbotEnv):
     | 24  | last action, wheel 1        |       | 1     | 0       | 0.5     |
     | 25  | last action, wheel 2        |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -718,11 +721,11 @@ class PathEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (2000). A success is: not terminated, and the error across the path within
+    Truncated after `max_episode_steps` (2000). Success: not terminated, and the error across the path within
     `success_error`.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what                 | unit | bound |
@@ -764,16 +767,16 @@ class PathEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -814,12 +817,13 @@ class PathEnv(BallbotEnv):
       1e-6 and <= 100)
     - `success_error`: Largest root mean square of the distance across the path in a success. (default 0.02 m, scaled; >
       0 and <= 10)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -921,7 +925,7 @@ class PushEnv(BallbotEnv):
     | 14  | last action, wheel 1                       |       | 1     | 0       | 0.5     |
     | 15  | last action, wheel 2                       |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -946,7 +950,7 @@ class PushEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (1000). A success is: not terminated.
+    Truncated after `max_episode_steps` (1000). Success: not terminated.
 
     ## Metrics
     Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
@@ -970,16 +974,16 @@ class PushEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1014,12 +1018,13 @@ class PushEnv(BallbotEnv):
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m, scaled; >= 1e-12 and <=
       1e6)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.872665 rad; > 0 and <=
       pi)
 
@@ -1126,7 +1131,7 @@ class CarryEnv(BallbotEnv):
     | 19  | rate of that slope, body x                 | 1/s   | 20    | 0       | 2       |
     | 20  | rate of that slope, body y                 | 1/s   | 20    | 0       | 2       |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -1151,11 +1156,11 @@ class CarryEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (2000). A success is: not terminated, nothing spilled, and every goal held
-    within `goal_radius` for the last `hold_seconds` of its time.
+    Truncated after `max_episode_steps` (2000). Success: not terminated, nothing spilled, and every goal held within
+    `goal_radius` for the last `hold_seconds` of its time.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what             | unit | bound |
@@ -1189,16 +1194,16 @@ class CarryEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1240,12 +1245,13 @@ class CarryEnv(BallbotEnv):
     - `slosh_damping`: Damping ratio ζ of that mode. (default 0.02; >= 0 and <= 2)
     - `freeboard`: Height of the rim above the water at rest: it spills when the surface is higher at the wall. (default
       0.015 m; >= 1e-6 and <= 10)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -1358,7 +1364,7 @@ class NavigateEnv(BallbotEnv):
     | 25  | closeness of the next obstacle, heading x    |       | 1     | 0       | 0.2     |
     | 26  | closeness of the next obstacle, heading y    |       | 1     | 0       | 0.2     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -1383,11 +1389,11 @@ class NavigateEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (4000). A success is: not terminated, no obstacle touched, and every goal free
-    and held within `goal_radius` for the last `hold_seconds` of its time.
+    Truncated after `max_episode_steps` (4000). Success: not terminated, no obstacle touched, and every goal free and
+    held within `goal_radius` for the last `hold_seconds` of its time.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what             | unit | bound |
@@ -1402,7 +1408,7 @@ class NavigateEnv(BallbotEnv):
     | ------------ | ---- | -------------------------------------------------------------------------------- |
     | `goals_held` |      | fraction of the goals at which the ball was when the next goal was given         |
     | `time_ratio` |      | mean time to these goals, relative to the fastest flat move there                |
-    | `collisions` |      | how often the robot came to touch an obstacle                                    |
+    | `collisions` |      | number of times the robot touched an obstacle                                    |
     | `clearance`  | m    | smallest distance from an obstacle, of an upright robot at the ball, at most 2 m |
 
     ## Info
@@ -1420,16 +1426,16 @@ class NavigateEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 4000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1470,12 +1476,13 @@ class NavigateEnv(BallbotEnv):
       (default 4 1/s, scaled; > 0 and <= 1000)
     - `margin`: Distance that guides keep between the robot upright and obstacles. (default 0.1 m; >= 0 and <= 10)
     - `range`: Distance from obstacles at which guides begin to avoid them. (default 0.5 m; > 0 and <= 100)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -1585,7 +1592,7 @@ class RideEnv(BallbotEnv):
     | 22  | last action, wheel 1              |       | 1     | 0       | 0.5     |
     | 23  | last action, wheel 2              |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -1610,12 +1617,12 @@ class RideEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (4000). A success is: not terminated, stopped at least once; each time the rider
+    Truncated after `max_episode_steps` (4000). Success: not terminated, stopped at least once; each time the rider
     began to brake, within `success_velocity` of the velocity in the rider's mind, and within `success_distance` from
     there until the next leg.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what                                    | unit  | bound |
@@ -1652,16 +1659,16 @@ class RideEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 4000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1701,9 +1708,9 @@ class RideEnv(BallbotEnv):
     - `rider_frequency`: Natural angular frequency of that torso on its springs. (default 12 1/s, scaled; > 0 and <=
       1000)
     - `rider_damping`: Damping ratio of that torso on its springs. (default 0.5; >= 0 and <= 2)
-    - `lean`: How far the rider leans at most: by the angle about the ball's center. (default 0.15 rad, scaled; >= 1e-6
-      and <= 1)
-    - `eagerness`: Difference of the wanted and the present velocity from which the rider leans that far. (default 1.1
+    - `lean`: Largest lean of the rider, as an angle about the ball's center. (default 0.15 rad, scaled; >= 1e-6 and <=
+      1)
+    - `eagerness`: Difference between the desired and current velocity at which the rider leans that far. (default 1.1
       m/s, scaled; >= 1e-6 and <= 100)
     - `reaction`: Time constant with which the rider begins to lean. (default 0.2 s, scaled; > 0 and <= 100)
     - `acceleration`: Acceleration that the robot commands while the seat measures `lean`, and at most. (default 0.9
@@ -1718,12 +1725,13 @@ class RideEnv(BallbotEnv):
       scaled; > 0 and <= 1000)
     - `stopped_speed`: Speed below which the robot has stopped. (default 0.1 m/s, scaled; >= 1e-6 and <= 10)
     - `stopped_seconds`: Time for which it must be that slow to have stopped. (default 1 s, scaled; > 0 and <= 1e9)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -1831,7 +1839,7 @@ class TerrainEnv(BallbotEnv):
     | 20  | way to where the commands lead, heading x | m     | 1     | 0       | 0.2     |
     | 21  | way to where the commands lead, heading y | m     | 1     | 0       | 0.2     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -1857,11 +1865,11 @@ class TerrainEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (1000). A success is: not terminated, and `success_share` of the distance of the
-    smoothed command travelled.
+    Truncated after `max_episode_steps` (1000). Success: not terminated, and `success_share` of the distance of the
+    smoothed command traveled.
 
     ## Command
-    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    Sampled by the task. `env.unwrapped.command` is the current command, an array of these numbers; a command that is
     set after a reset holds to the end of the episode.
 
     | part | what                          | unit  | bound |
@@ -1895,16 +1903,16 @@ class TerrainEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1946,12 +1954,13 @@ class TerrainEnv(BallbotEnv):
       (default 0.7; >= 0 and <= 1)
     - `success_share`: Smallest fraction of the distance of the smoothed command in a success. (default 0.8; >= 0 and <=
       1)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -2053,7 +2062,7 @@ class OpenBallBotEnv(BallbotEnv):
     | 14  | last action, wheel 1           |       | 1     | 0       | 0.5     |
     | 15  | last action, wheel 2           |       | 1     | 0       | 0.5     |
 
-    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    Each row, clipped to its bound, minus its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
 
     ## Rewards
@@ -2073,7 +2082,7 @@ class OpenBallBotEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (800). A success is: not terminated.
+    Truncated after `max_episode_steps` (800). Success: not terminated.
 
     ## Metrics
     Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
@@ -2097,16 +2106,16 @@ class OpenBallBotEnv(BallbotEnv):
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 800; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
-      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that topple it.
+      With `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+      that holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
       robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
       policy. (default False)
-    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
-      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
+      oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -2135,12 +2144,13 @@ class OpenBallBotEnv(BallbotEnv):
     - `speed`: Speed in the direction of travel that a classical controller is to keep. (default 0.5 m/s; >= 0 and <=
       10)
     - `acceleration`: Acceleration to that speed. (default 0.3 m/s²; > 0 and <= 1e6)
-    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the initial tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0349066 rad; >= 0)
-    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The initial yaw is uniform within ± this value. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest initial ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest initial tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The initial rate about the mast is uniform within ± this value. (default 0 rad/s; >= 0 and <=
+      10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 

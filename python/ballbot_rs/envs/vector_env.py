@@ -48,8 +48,8 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         camera: as in `Renderer`.
         render_options: other arguments of `Renderer`.
         autoreset_mode: "next_step" (Gymnasium's default), "same_step" or "disabled", or the enum.
-        num_threads: threads that step the robots; None takes all cores.
-        seed: seeds the first reset if that gets no seed.
+        num_threads: threads that step the robots; None uses all cores.
+        seed: seed of the first reset, if `reset` is called without a seed.
         options: as in `BallbotEnv`.
 
     The info of every reset and step has the keys of `BallbotEnv`, each an array of shape (num_envs,) with a mask
@@ -121,7 +121,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
 
         Raises:
             TypeError: a mask that is not an array of bool.
-            ValueError: an unknown option, a mask of the wrong shape or without a True, a list or a seed of the wrong
+            ValueError: an unknown option, a mask of the wrong shape or that is all False, a list or a seed of the wrong
                 kind, a state that the model cannot represent or of an environment that is not reset. Then nothing
                 has changed.
         """
@@ -276,4 +276,4 @@ def _check_mask(mask: Any) -> None:
     if mask.dtype != np.bool_:
         raise TypeError(f"reset_mask has dtype {mask.dtype}, expected bool")
     if not mask.any():
-        raise ValueError("reset_mask has no True: there is nothing to reset")
+        raise ValueError("reset_mask is all False: there is nothing to reset")

@@ -103,7 +103,7 @@ def check_sways(with_payload: float, without: float, numbers: int) -> None:
     least = float(chdtri(numbers, SWAYS_BY_CHANCE))
     if without - with_payload < least:
         raise InvalidInputError(
-            "the log shows no payload that sways: a payload fixed to the body explains it as well, with a sum of "
+            "the log shows no payload that sways: a payload fixed to the body explains it equally well, with a sum of "
             f"squares that is {without - with_payload:.3g} noise variances larger (limit {least:.3g}, as far as noise "
             "alone may reach); leave the payload out of fields, or record more excitation"
         )

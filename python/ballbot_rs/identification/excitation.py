@@ -50,7 +50,7 @@ def record_log(
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> SensorLog:
-    """A log of a simulated robot that LQR balances under excitation by a torque multisine and setpoint steps.
+    """A log of a simulated robot, balanced by LQR and excited by a torque multisine and setpoint steps.
 
     ```python
     log = bb.record_log("kugle", seconds=4.0, actuators={"delay": 0.01})
@@ -69,11 +69,11 @@ def record_log(
         model: of the simulation.
         sim_dt: time step of the model, s.
         control_dt: time between two rows, s.
-        imu_position: place of the accelerometer in the body frame, m.
+        imu_position: position of the accelerometer in the body frame, m.
         noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
             missing key means no noise.
         excitation: scale factor of multisine and steps.
-        pose: whether the log also has attitude and position, exact, as of motion capture.
+        pose: whether the log also has attitude and position, exact, as if from motion capture.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.
 

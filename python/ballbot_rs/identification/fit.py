@@ -91,19 +91,19 @@ def identify(
             paper's.
         fields: parameters of `Params` by name (except `max_wheel_torque`), `delay`, `lag` and `strength` of the
             motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components, stiffness and
-            damping of a payload along x and y. None are mass, inertia and CoM of the body, the frictions of ball and
+            damping of a payload along x and y. None fits mass, inertia and CoM of the body, the frictions of ball and
             wheels, and the delay.
         actuators: motors to start from, as `actuators=` of an environment, with only delay, lag and strengths;
             None is ideal.
         model: of the simulations: `spatial`, `contact` or `rigid`.
         sim_dt: time step of the model, s, at most the log's median step.
         window: length of a window, s, from 0.05 to 2.
-        imu_position: place of the accelerometer in the body frame, m.
+        imu_position: position of the accelerometer in the body frame, m.
         noise: standard deviation of each sensor, with the keys `wheel_angle` (rad), `gyro` (rad/s) and, with
             accelerations, `acceleration` (m/s²); None estimates them from the residuals.
         rejection: windows with a mean square residual of more than this many times the median are rejected; None
             rejects none.
-        num_threads: of the simulations; None takes all cores.
+        num_threads: of the simulations; None uses all cores.
         progress: called with the number of simulations of all windows done, and the expected number.
 
     Raises:
@@ -241,7 +241,7 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
     point = at(done.x)
     if point is None or done.status == 0:
         raise InvalidInputError(
-            f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or name "
+            f"the fit has not converged after {done.nfev} evaluations: start from a robot that is closer, or fit "
             "fewer fields"
         )
     return point

@@ -54,7 +54,7 @@ class Motors:
                 )
             if name not in own and value != defaults[name]:
                 raise InvalidInputError(
-                    f"actuators: {name} = {value} cannot be part of an identification, which has {', '.join(own)}"
+                    f"actuators: {name} = {value} is not supported by identification, which has {', '.join(own)}"
                 )
         numbers = {name: _checked(name, options[name]) for name in own if name in options}
         strength = numbers.pop("strength", np.ones(1))

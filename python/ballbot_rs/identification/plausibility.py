@@ -40,7 +40,7 @@ def check_log(log: SensorLog, params: Params, sim_dt: float = _SIM_DT) -> None:
 
     Raises:
         ValueError: columns that contradict each other by a unit, a sign or an order; the message names the columns,
-            the evidence and the remedy. A log with too little motion for a judgment passes.
+            the evidence and the remedy. A log with too little motion to decide passes.
     """
     _check_gravity(log)
     responses = responses_of(params, min(_SIM_DT, sim_dt) if params.has_payload else _SIM_DT)

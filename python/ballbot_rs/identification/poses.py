@@ -49,7 +49,7 @@ def compared(
         log: for its times, attitudes and positions.
         params: the robot.
         windows: of the log.
-        tilts: at the begin of each window, heading frame, rad, shape (w, 2).
+        tilts: at the beginning of each window, heading frame, rad, shape (w, 2).
         measured: wheel angles and body rates of each row, shape (m, 6 or 9).
         simulated: as measured.
     """
@@ -77,7 +77,7 @@ def compared(
 
 
 def _rolled(time: Array, windows: Windows, params: Params, tilts: Array, rows: Array) -> Poses:
-    """Poses relative to the begin of each window, at heading 0."""
+    """Poses relative to the beginning of each window, at heading 0."""
     found = Poses(np.zeros((len(rows), 2)), np.zeros((len(rows), 4)), np.zeros((len(rows), 4)))
     first, sizes = windows.bounds[:-1], np.diff(windows.bounds)
     found.attitude[first], found.ball_attitude[first] = quaternions_of(tilts), [1.0, 0.0, 0.0, 0.0]

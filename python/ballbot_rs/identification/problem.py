@@ -251,7 +251,7 @@ class Problem:
                 ends.append(neighbor[index])
             if ends[0] == ends[1]:
                 raise InvalidInputError(
-                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the changed robot would be "
+                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed up or down: the changed robot would be "
                     "invalid; leave it out of fields"
                 )
             moved.append(index)

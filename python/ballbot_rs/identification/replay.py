@@ -108,7 +108,7 @@ class Replay:
     def trajectories(self, begin: float | None = None, seconds: float | None = None) -> tuple[Trajectory, Trajectory]:
         """Measured and simulated motion of a span, as trajectories of two robots without forces.
 
-        Where the simulation fell, its robot is the measured one.
+        Where the simulated robot fell, its rows are the measured motion.
 
         Args:
             begin: of the span, s of the log; None is the first row.
@@ -122,7 +122,7 @@ class Replay:
         shown = np.flatnonzero((self.time >= first) & (self.time <= last))
         if len(shown) < 2:
             raise InvalidInputError(
-                f"{len(shown)} rows from {first:g} to {last:g} s, at least 2 are needed: the windows have "
+                f"{len(shown)} rows from {first:g} to {last:g} s, at least 2 are needed: the windows span "
                 f"{self.time[0]:g} to {self.time[-1]:g} s"
             )
         measured = self._states(self.measured, self.measured_poses, shown)
@@ -171,7 +171,7 @@ class Replay:
             path: the file; its name ends in .mp4 or .webp.
             begin: of the span, s of the log; None is the first row.
             seconds: duration of the span.
-            options: as of `ballbot_rs.media.video.write_video`.
+            options: as in `ballbot_rs.media.video.write_video`.
 
         Raises:
             ModuleNotFoundError: moviepy is not installed.
@@ -280,8 +280,8 @@ def replay(
         model: of the simulation: `spatial`, `contact` or `rigid`.
         sim_dt: time step of the model, s, at most the log's median step.
         window: length of a window, s, from 0.05 to 2.
-        imu_position: place of the accelerometer in the body frame, m.
-        num_threads: of the simulations; None takes all cores.
+        imu_position: position of the accelerometer in the body frame, m.
+        num_threads: of the simulations; None uses all cores.
         progress: called with the number of simulations of all windows done, and the expected number.
 
     Raises:

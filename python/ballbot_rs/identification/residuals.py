@@ -33,7 +33,7 @@ class Residual:
 
     @property
     def explained(self) -> float:
-        """Fraction of the measured changes' mean square that the simulation explains; below 0 it is worse than none."""
+        """Fraction of the measured changes' mean square that the simulation explains; negative if worse than none."""
         return 1.0 - (self.rms / self.measured) ** 2 if self.measured > 0.0 else 0.0
 
 
@@ -49,7 +49,7 @@ def of_sensors(rows: Array, differences: Array, windows: Windows, log: SensorLog
 
 
 def of_poses(poses: tuple[Poses, Poses], windows: Windows, log: SensorLog) -> list[Residual]:
-    """Residuals of what a log has of the pose: tilt, and position since the begin of each window."""
+    """Residuals of what a log has of the pose: tilt, and position since the start of each window."""
     measured, simulated = poses
     logged: list[tuple[str, str, Array, Array]] = []
     if log.attitude is not None:

@@ -29,7 +29,7 @@ def prepare(
     num_threads: int | None,
     fields: Sequence[str] = (),
 ) -> tuple[SensorLog, FitRobot, Windows, Simulator]:
-    """The log, its robot, its windows and their simulator; arguments as of `identify`.
+    """The log, its robot, its windows and their simulator; arguments as in `identify`.
 
     Raises:
         ValueError: a bad log or argument.
@@ -41,13 +41,13 @@ def prepare(
     if any(base.params.floor_tilt):
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
-    check_still_floor(base.params, "a log has neither place nor time")
+    check_still_floor(base.params, "a log has no absolute position or time")
     if base.params.second_payload_mass > 0.0:
         mass = base.params.second_payload_mass
-        raise InvalidInputError(f"robot.second_payload_mass = {mass} must be 0: a fit is of one payload")
+        raise InvalidInputError(f"robot.second_payload_mass = {mass} must be 0: only one payload can be fitted")
     if base.params.has_payload and any(base.params.payload_amplitude):
         amplitude = list(base.params.payload_amplitude)
-        raise InvalidInputError(f"robot.payload_amplitude = {amplitude} must be 0: a log has no begin of its motion")
+        raise InvalidInputError(f"robot.payload_amplitude = {amplitude} must be 0: a log lacks its motion's start")
     offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")

@@ -24,7 +24,7 @@ class VersionError(ConnectionError):
     def __init__(self, version: int) -> None:
         super().__init__(
             f"the other side has version {version} of the frames, and this side version {VERSION}: use the same "
-            "ballbot_rs on both sides, and export its C again"
+            "ballbot_rs on both sides, and re-export the C header"
         )
 
 

@@ -23,7 +23,7 @@ _MEASURED = ("gyro", "specific_force", "wheel_angles")
 
 @named
 class EstimatedController:
-    """Any controller on readings of an IMU and encoders, as it runs on a robot: a law that reads sensors.
+    """Any controller fed with readings of an IMU and encoders, as on a real robot: a law that reads sensors.
 
     ```python
     law = bb.EstimatedController("lqr", "kugle", sensors="kugle")
@@ -73,7 +73,7 @@ class EstimatedController:
         def begin(_: Any, control_dt: float) -> "EstimatedController":
             if control_dt != self.control_dt:
                 raise InvalidInputError(
-                    f"the estimator of {self.name} is made for control_dt = {self.control_dt:g} s, and it is called "
+                    f"the estimator of {self.name} is made for control_dt = {self.control_dt:g} s, but it is called "
                     f"every {control_dt:g} s"
                 )
             self.reset()

@@ -14,7 +14,7 @@ MAX_DELAY = 10.0
 @named
 @dataclasses.dataclass(frozen=True)
 class LinkFaults:
-    """Probabilities of faults of each frame, in each direction, independent of each other.
+    """Probabilities of injected faults per frame, in each direction, independent of each other.
 
     ```python
     faults = bb.LinkFaults(drop=0.05, corrupt=0.01, seed=1)

@@ -36,7 +36,7 @@ Array = npt.NDArray[np.float64]
 ON_TIMEOUT: Final = ("hold", "zero")
 
 #: Why a controller may never answer.
-_SILENCE: Final = f": is it running, with frames of version {VERSION}? Export older C again"
+_SILENCE: Final = f": is it running, with frames of version {VERSION}? Re-export older C headers"
 
 #: Time of a call beyond its waiting, s.
 GRACE: Final = 1.0
@@ -48,7 +48,7 @@ MAX_COUNT: Final = 1_000_000
 
 @named
 class Link:
-    """A controller of one robot in another process or on a board, for `simulate` and whatever else takes a law.
+    """A controller of one robot in another process or on a board, usable in `simulate` and wherever a law is.
 
     ```python
     import sys
@@ -63,7 +63,7 @@ class Link:
     collected.
 
     In lockstep the simulation waits: readings without an answer within `timeout` are sent again, `retries` times. In
-    real time a step takes `control_dt` of the clock and torques must arrive within it. Without torques the robot gets
+    real time a step takes `control_dt` of wall time and torques must arrive within it. Without torques the robot gets
     the last torques for up to `hold` steps (`on_timeout="hold"`), then zero torque; after `give_up` the run ends. The
     first readings of an episode are repeated in either case: without them the controller would not begin the episode.
 
@@ -72,12 +72,12 @@ class Link:
         control_dt: time between two calls, s; None is the task's.
         real_time: whether the simulation keeps to the clock instead of waiting for the controller.
         timeout: time until readings are sent again, s; not in real time.
-        retries: how often they are.
+        retries: how many times they are sent again.
         on_timeout: "hold" or "zero".
-        hold: most steps in sequence with the last torques.
+        hold: maximum number of consecutive steps with the last torques.
         give_up: time of waiting without any torques after which the run ends, s.
         connect: the same for the first torques of an episode, s.
-        faults: of the line, on purpose.
+        faults: faults to inject into the line.
         log: a file of the whole exchange, FILE.mcap.
 
     Raises:

@@ -57,7 +57,7 @@ class LinkPeer:
     Args:
         law: called with readings (`gyro`, `specific_force`, `wheel_angles`) and, if it takes one, a setpoint, as in
             `simulate`; its `reset` is called at each RESET.
-        address: udp://HOST:PORT to listen at, serial:/dev/NAME?baud=RATE, or stdio: for a child process.
+        address: udp://HOST:PORT to listen on, serial:/dev/NAME?baud=RATE, or stdio: for a child process.
         idle: time without readings after which `serve` ends, s.
 
     Raises:
@@ -91,7 +91,7 @@ class LinkPeer:
         Raises:
             TimeoutError: there were no readings for `idle`.
             ControllerError: the law failed.
-            ValueError: the law has another `control_dt` than the simulation, or it has served already.
+            ValueError: the `control_dt` of the law differs from the simulation's, or the peer has already served.
             ConnectionError: the simulation has frames of another version.
         """
         channel, self._channel = self._channel, None
@@ -147,7 +147,7 @@ class LinkPeer:
         """Raises ValueError if the law was made for another time between two calls."""
         if self._period is not None and abs(microseconds - 1e6 * self._period) > 1.0:
             raise InvalidInputError(
-                f"the simulation has control_dt = {1e-6 * microseconds:g} s, and {self._laws.name} is made for "
+                f"the simulation has control_dt = {1e-6 * microseconds:g} s, but {self._laws.name} is made for "
                 f"{self._period:g} s"
             )
 

@@ -38,7 +38,7 @@ class Statistics:
     #: Torques for readings of the past: too late, or again.
     late: int = 0
     duplicated: int = 0
-    #: Readings of another simulation than the one that the peer answers.
+    #: Readings of a simulation other than the one that the peer answers.
     foreign: int = 0
     #: Bytes between two zeros that are not a frame, frames with a wrong checksum, frames of another version or kind.
     broken: int = 0

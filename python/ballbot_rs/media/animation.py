@@ -33,7 +33,7 @@ def check_numbered(path: Path) -> None:
 
 
 def write_animation(frames: Iterable[Frames], path: Path, frame_rate: float) -> None:
-    """Writes frames as WebP or GIF, by the suffix of `path`; it repeats for ever.
+    """Writes frames as WebP or GIF, by the suffix of `path`; it repeats forever.
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.

@@ -21,7 +21,7 @@ _LABELS = {
     "position_error_final": ("position error, at the end", "mm", 1e3),
     "torque_rms": ("wheel torque, rms", "N·m", 1.0),
     "torque_max": ("wheel torque, largest", "N·m", 1.0),
-    "traction_utilization_max": ("friction limit, largest share", "%", 100.0),
+    "traction_utilization_max": ("friction limit, largest fraction used", "%", 100.0),
 }
 
 

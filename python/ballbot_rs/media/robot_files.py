@@ -40,7 +40,7 @@ def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> 
     about the axle in the sense of `wheel_angles`.
 
     The inertial of the body is what remains of `body_mass`, `body_inertia`, products of inertia and CoM, on the mast or
-    off it, without three thin discs as wheels. Where heavy wheels leave a moment of inertia larger than the sum of the
+    off it, minus three thin wheel discs. Where heavy wheels leave a moment of inertia larger than the sum of the
     two others, MuJoCo rejects the file. The wheel joints have `wheel_viscous_friction`,
     `wheel_coulomb_friction` and `max_wheel_torque`. A URDF cannot hold gravity, the tilt of the floor, friction of
     ball, floor and rollers, the rollers' ripple and angle, the wheels' preload, springs of payloads, which are fixed,

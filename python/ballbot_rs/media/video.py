@@ -37,7 +37,7 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
         schematic: plain shapes from the parameters, which take a third of the time of meshes. Otherwise a robot with
             the geometry of `assets/bot.urdf` is shown with the meshes of that file, and a published robot with the
             shapes of `write_urdf`.
-        options: as of `Renderer`.
+        options: as in `Renderer`.
     """
     given = {"terrain": trajectory.terrain, **options}
     if given.get("urdf") is None:
@@ -182,7 +182,7 @@ def write_video(
         frame_rate: frames per second.
         forces: whether arrows show the forces at the contacts.
         caption: whether pictures show controller, model, time and tilt in their corner.
-        smooth: as of `picture`.
+        smooth: as in `picture`.
         progress: called with the number of frames done and their total.
 
     Raises:
@@ -245,7 +245,7 @@ def _renderers(shown: Sequence[Trajectory], given: Renderer | Sequence[Renderer]
     if len(renderers) != len(shown):
         raise ValueError(f"there are {len(renderers)} renderers for {len(shown)} trajectories: give one for each")
     if len({one.height for one in renderers}) > 1:
-        raise ValueError("pictures side by side have one height")
+        raise ValueError("pictures side by side must have the same height")
     return renderers
 
 

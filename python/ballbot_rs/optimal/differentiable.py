@@ -32,7 +32,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
             (batch.model == "contact", f"the model {batch.model}: expected 'contact'"),
             (batch.autoreset == "same_step", f"autoreset={batch.autoreset!r}: expected 'same_step'"),
             (not motors, f"events that change the motors: {', '.join(motors)}"),
-            (not pushed, "pushes, which the derivatives do not know"),
+            (not pushed, "pushes, which the derivatives do not include"),
             (not later, f"events within an episode: {', '.join(later)}"),
         ]:
             if not fits:
@@ -51,7 +51,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
         return self.states()
 
     def states(self) -> Tensor:
-        """The present states, without gradient: from here on `step` differentiates."""
+        """The current states, detached: `step` records gradients from here on."""
         return self._tensor(self._present())
 
     def _present(self) -> npt.NDArray[np.float64]:
@@ -59,7 +59,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
 
     @classmethod
     def deviations(cls, states: Any) -> Tensor:
-        """What a policy needs of states, shape (n, 9): from rest upright at the origin, in the heading frame.
+        """Policy inputs from states, shape (n, 9): deviations from rest at the origin, upright, in the heading frame.
 
         Position (2, m), tilt about x and y (2, sine), velocity (2, m/s), and rates of the body (3, rad/s).
         """
@@ -84,7 +84,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
             wheel_torques: shape (n, 3), N·m, within the torque of an action, `Batch.action_torques`.
 
         Raises:
-            ValueError: other states than the present states, or torques that are out of range.
+            ValueError: states other than the current states, or torques that are out of range.
         """
         return self._linked(self._tensor(states), self._tensor(wheel_torques))
 
@@ -109,9 +109,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
         """
         before, commands = np.asarray(states), np.asarray(torques)
         if not np.array_equal(before, self._present()):
-            raise InvalidInputError(
-                "the states are not the present states of the batch: pass what the last step returned"
-            )
+            raise InvalidInputError("these are not the current states of the batch: pass what the last step returned")
         if not (np.abs(commands) <= self._limits).all():
             raise InvalidInputError(
                 f"wheel_torques up to {np.abs(commands).max():g} N·m: must be within {self._limits.min():g} N·m; "

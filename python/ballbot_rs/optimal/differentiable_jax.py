@@ -17,7 +17,7 @@ from ballbot_rs.optimal.differentiable import DifferentiableRobots
 class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
     """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library.
 
-    For policies that follow the gradient of what their robots do::
+    For training policies with gradients through the simulation::
 
     ```python
     import jax
@@ -45,14 +45,14 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
 
         gradient(parameters, robots.reset(seeds))
 
-    Derivatives are forward or in reverse, and of first order: second ones take the first of a step as constant. A
+    Derivatives are forward- or reverse-mode, first-order only: higher orders take a step's Jacobian as constant. A
     compiled step calls back into Python, in order; what it rejects is an error of JAX with the same message. `reset`
     and `states` belong outside compiled functions. `jax.vmap` and `jax.checkpoint` of a step are errors, because the
     robots cannot repeat it: for more robots, make a larger batch. `jax.jacfwd`, `jax.jacrev` and `jax.vmap` of
     cotangents map only the derivatives, and work.
 
     Args:
-        batch: as of `DifferentiableBatch`.
+        batch: as in `DifferentiableBatch`.
 
     Raises:
         ValueError: another batch, or later an array while JAX has no float64.
@@ -88,8 +88,8 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
 
 def _not_mapped(size: int, *_: Any) -> Any:
     raise InvalidInputError(
-        f"jax.vmap of DifferentiableJaxBatch.step over {size} arrays: the robots of a batch move once; make a Batch "
-        "of as many robots, whose step is of all of them"
+        f"jax.vmap of DifferentiableJaxBatch.step over {size} arrays: a step moves the robots only once; make a Batch "
+        "of as many robots, which one step moves together"
     )
 
 

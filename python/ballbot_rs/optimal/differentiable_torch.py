@@ -24,7 +24,7 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     print(torques.grad)
     ```
 
-    For policies that follow the gradient of what their robots do::
+    For training policies with gradients through the simulation::
 
         robots = DifferentiableBatch(Batch(64))
         states = robots.reset(seeds)
@@ -44,7 +44,7 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
 
     Args:
         batch: in the model "contact", with `autoreset` "same_step" and without pushes; of the effects of motors with
-            `delay`, `strength` and `lag` alone. From here on only `reset` and `step` of this object move it.
+            `delay`, `strength` and `lag` only. From here on only `reset` and `step` of this object move it.
 
     Raises:
         ValueError: another batch.

@@ -26,7 +26,7 @@ class HeldMotors:
         substeps: time steps in a control step.
 
     Raises:
-        ValueError: other effects than delay, strength and lag.
+        ValueError: effects other than delay, strength and lag.
     """
 
     def __init__(self, options: Mapping[str, Any] | None, sim_dt: float, substeps: int) -> None:

@@ -17,7 +17,7 @@ LEAN_OBSERVER = 4.0
 
 
 class TimeVaryingLqr:
-    """Follows one motion: its torques, and feedback on the difference from its states, with gains for each step.
+    """Follows one motion: its torques plus feedback on the deviation from its states, with time-varying gains.
 
     ```python
     law = bb.optimize_trajectory((0.2, 0.0), seconds=1.4, control_dt=0.02).law()

@@ -34,7 +34,7 @@ def linearize(
     ```
 
     Returns A (11, 11) and B (11, 3): the change of the state is x' = A x + B u in the coordinates `Jacobian.ROLLING`,
-    for changes u of the torques, N·m. Unless the robot stays in the state, it is about the motion that begins there.
+    for changes u of the torques, N·m. If the robot leaves the state, the model is about the motion that begins there.
 
     Args:
         robot: as in `simulate`; None is the paper's.

@@ -111,7 +111,7 @@ class Plan:
         return TORQUE * self.params.scale("N·m")
 
     def begin(self, start: State | None, goal: Reference | State | npt.ArrayLike, steps: int) -> None:
-        """Puts the robot at the start of a motion of so many steps; a reference is continued by its tail."""
+        """Puts the robot at the start of a motion of this many steps; a reference is continued by its tail."""
         self.reference = goal if isinstance(goal, Reference) else None
         self.steps = steps
         for name, state in (("start", start), ("goal", goal)):
@@ -159,8 +159,8 @@ class Plan:
             if upright:
                 return min(upright, key=lambda one: cost.total(one[0]))
         raise InvalidInputError(
-            "the robot falls in every first motion that was tried: give more seconds, a start that Lqr can catch, or a "
-            "law that can as initial="
+            "the robot falls in every initial motion tried: give more seconds, a start from which Lqr recovers, or a "
+            "law that recovers as initial="
         )
 
     def _groups(

@@ -48,10 +48,10 @@ class OptimizedTrajectory:
     position_errors: Array
     #: Whether the last state is the goal; None with a reference.
     reached: bool | None
-    #: Whether the cost has its least value nearby; else the optimizer got stuck, or ran out of iterations.
+    #: Whether the cost reached a local minimum; otherwise the optimizer got stuck or ran out of iterations.
     converged: bool
     iterations: int
-    #: Torques relative to 0.25 N·m, squared, times s, with the goal's or reference's part; all halved.
+    #: Half the sum of (torque / 0.25 N·m)², integrated over time in s, and the goal's or reference's part.
     cost: float
     #: Feedback of the law: torques by the state, in the coordinates of `Jacobian.states`, shape (T, 3, 30).
     gains: Array

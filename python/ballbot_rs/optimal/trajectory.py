@@ -43,9 +43,9 @@ def optimize_trajectory(
     print(found.reached, found.cost)
     ```
 
-    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. Torques cost,
-    and so does the distance from the reference, or from the goal, with a weight that grows until the goal is reached.
-    Traction beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same arguments.
+    By differential dynamic programming with torque limits, on the exact step derivatives. The cost penalizes torques
+    and the distance from the reference, or from the goal with a weight that grows until the goal is reached.
+    Traction beyond the limit is penalized but allowed. The result is a local optimum, the same for the same arguments.
 
     Args:
         goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
@@ -61,7 +61,7 @@ def optimize_trajectory(
         max_torque: limit of a torque, N·m; None is `Params.max_wheel_torque`.
         control_dt: time for which torques hold, s, a multiple of `sim_dt`.
         sim_dt: time step, s.
-        iterations: most iterations.
+        iterations: maximum number of iterations.
         tolerance: expected improvement, relative to the cost, below which the optimizer has converged.
         progress: called with the iteration and the cost, which grows with the weight of the goal.
 
@@ -107,15 +107,15 @@ def planned_law(reference: object, *, start: State, seconds: float, options: Map
 
     Raises:
         TypeError: another reference.
-        ValueError: as of `optimize_trajectory`, or a goal that is not reached in this time.
+        ValueError: as in `optimize_trajectory`, or a goal that is not reached in this time.
     """
     given = {name: options[name] for name in ("robot", "terrain", "control_dt", "sim_dt") if name in options}
     if isinstance(reference, Reference):
         seconds = min(seconds, reference.duration or seconds)
         return optimize_trajectory(reference, start=start, seconds=seconds, **given).law()
     if not (isinstance(reference, Mapping) and set(reference) == {"position"}):
-        raise TypeError("tvlqr follows a Reference or moves to a constant position: give reference= one of them")
+        raise TypeError("tvlqr follows a Reference or moves to a constant position: pass one of them as reference=")
     found = optimize_trajectory(reference["position"], start=start, seconds=seconds, **given)
     if not found.reached:
-        raise InvalidInputError(f"tvlqr does not reach {tuple(reference['position'])} m in {seconds:g} s: give it more")
+        raise InvalidInputError(f"tvlqr does not reach {tuple(reference['position'])} m in {seconds:g} s: allow more")
     return found.law()

@@ -97,7 +97,7 @@ def run_scenarios(
 
     Args:
         controllers: one or more, each a name, a path or an object, as in `compare`.
-        scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; none are all.
+        scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; empty means all.
         file: a TOML file of scenarios in place of the package's scenarios.
         robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: of the robot.
@@ -105,7 +105,7 @@ def run_scenarios(
         sensors: name or TOML file of sensors in place of the scenarios' own.
         events: name or TOML file of events in place of the scenarios' own.
         seed: of everything random.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots; None uses all cores.
         sweep: as in `compare`: points of parameters of the robot, "robot", "model", parts of the motors as
             "actuators.delay", and numbers of the scenarios as "push".
         checkpoint: as in `compare`.

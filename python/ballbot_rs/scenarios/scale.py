@@ -17,7 +17,7 @@ _DIRECTIONS = 72
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Scale:
-    """Numbers of one robot, from its linear model and the loads of its wheels upright.
+    """Numbers of one robot, from its linear model and its wheel loads when upright.
 
     ```python
     scale = bb.Scale.of("kugle")

@@ -218,7 +218,7 @@ class Scenario:
         if self.is_map and self.seconds <= HOLD:
             raise ValueError(f"scenario {self.id}: seconds = {self.seconds}, a map needs more than {HOLD:g}")
         if isinstance(self.tilt, tuple) and isinstance(self.push, tuple):
-            raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
+            raise ValueError(f"scenario {self.id}: only one of tilt and push can be a map")
 
     def _check_axis(self, name: str) -> None:
         """One number, or the first, the last and the step of increasing numbers."""

@@ -141,7 +141,7 @@ def tune(
     num_threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Tuned:
-    """Searches options of a controller by CMA-ES in their logarithms, from the defaults.
+    """Optimizes the logarithms of a controller's options by CMA-ES, starting from the defaults.
 
     ```python
     lean = bb.Scenario("lean", "Release at 5 deg", seconds=1.0, tilt=5.0, score="rms_tilt")
@@ -149,20 +149,20 @@ def tune(
     print(found.options, bb.evaluate(found.source(), robot="kugle", episodes=5).success_rate)
     ```
 
-    The cost of a scenario is the ratio of its score to the baseline's: smaller errors, larger tilts and pushes.
+    The cost of a scenario is the ratio of its score to the baseline's, inverted if higher is better.
 
     Args:
         controller: the name of a controller of the core.
-        scenarios: ids or `Scenario`s, one or more, equally weighted; none are a push, a line, a circle and noise.
+        scenarios: ids or `Scenario`s, one or more, equally weighted; empty means a push, a line, a circle and noise.
         budget: number of evaluations.
-        options: names of the options to search; None are all options above zero by default, except for
-            the heading, for trading computing time for accuracy, and without effect by default.
+        options: names of the options to search; None searches all whose default is above zero, except options
+            for the heading, for trading off accuracy and speed, and without effect by default.
         baseline: the controller of the core whose scores with default options count as 1; None is the controller
             itself. With the same baseline the costs of several controllers can be compared.
         robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: of the robot.
         seed: of the search and of everything random in the scenarios.
-        num_threads: threads that step the robots; None takes all cores.
+        num_threads: threads that step the robots; None uses all cores.
         progress: called with the number of evaluations done and their total.
 
     Raises:

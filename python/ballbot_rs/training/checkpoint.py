@@ -24,8 +24,7 @@ def restore_newest(model: BaseAlgorithm, folder: Path) -> Path:
     found = run_folder.checkpoints(folder)
     if not found:
         raise FileNotFoundError(
-            f"{folder} has no checkpoint to resume from: the run was ended before its first one; begin it again with "
-            "--overwrite"
+            f"{folder} has no checkpoint to resume from: the run ended too early; begin it again with --overwrite"
         )
     for path in found:
         problem = _restore(model, path)

@@ -171,9 +171,9 @@ def _symmetric_basis(batch: Batch, hidden: list[int]) -> Array:
         ValueError: there are none, or too many for a full covariance.
     """
     if hidden:
-        raise ValueError(f"only linear policies are, net_arch = {hidden}")
+        raise ValueError(f"only linear policies can be symmetric, but net_arch = {hidden}")
     if (rows := batch.observation_len) > _MOST_ROWS:
-        raise ValueError(f"an observation has {rows} rows, it may have {_MOST_ROWS}: give a shorter history")
+        raise ValueError(f"an observation has {rows} rows, but at most {_MOST_ROWS} are allowed: use a shorter history")
     return linear_policies(of_batch(batch))
 
 

@@ -231,7 +231,7 @@ def read_config_text(folder: Path) -> str:
     path = folder / CONFIG
     if not path.exists():
         raise FileNotFoundError(
-            f"{folder} holds a training run without {CONFIG}: it was ended before it began, or the file was deleted; "
+            f"{folder} holds a training run without {CONFIG}: it ended before training began, or the file was deleted; "
             "begin it again with --overwrite"
         )
     try:

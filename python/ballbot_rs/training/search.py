@@ -105,7 +105,7 @@ def dimension_of(name: str, text: str) -> Dimension:
         raise ValueError(f"{name}={text}: the range must be finite and its low end below its high one")
     is_log = match["log"] is not None
     if is_log and low <= 0.0:
-        raise ValueError(f"{name}={text}: a logarithmic range begins above 0")
+        raise ValueError(f"{name}={text}: a logarithmic range must begin above 0")
     whole = re.compile(r"\s*[+-]?\d+\s*")
     return Dimension((), low, high, is_log, all(whole.fullmatch(match[end]) for end in ("low", "high")))
 
@@ -135,7 +135,7 @@ class Search:
     def __post_init__(self) -> None:
         for name, dimension in self.space.items():
             if name.partition(".")[0] in FIXED:
-                raise ValueError(f"{name} is not searched: trials would not be compared by the same measure")
+                raise ValueError(f"{name} cannot be searched: trials would not be comparable")
             for value in dimension.ends:
                 config_module.parse(config_module.with_values(self.text, {name: value}), "the configuration")
 
@@ -232,7 +232,7 @@ class Search:
         """
         done = [trial for trial in self.study().get_trials(deepcopy=False) if trial.state == TrialState.COMPLETE]
         if not done:
-            raise ValueError(f"{self.folder}: no trial has run to its end")
+            raise ValueError(f"{self.folder}: no trial has been completed")
         done.sort(key=lambda trial: -float(trial.value or 0.0))
         _files.write(self.folder / BEST, config_module.with_values(self.text, done[0].params))
         return done

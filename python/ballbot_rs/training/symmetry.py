@@ -83,11 +83,11 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
         apart -= 2.0 * math.pi * np.round(apart / (2.0 * math.pi))
         if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
             raise ValueError(
-                f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
+                f"the wheels of robot {i} are not identical and 120 degrees apart, starting at x: "
                 f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
             )
         if not all(map(_is_symmetric, payloads_of(robot))):
-            raise ValueError(f"a payload of robot {i} is not alike in all directions about the mast")
+            raise ValueError(f"a payload of robot {i} is not the same in all directions about the mast")
         if robot.roller_angle != 0.0:
             raise ValueError(f"a mirror reverses roller_angle = {robot.roller_angle} of robot {i}: it must be 0")
     rows = tuple(row["name"] for row in description_of(batch.task)["observation"])

@@ -131,7 +131,7 @@ class CrowdPage:
 
     @property
     def states(self) -> list[State]:
-        """Present state of each robot."""
+        """Current state of each robot."""
         with self._lock:
             return self._crowd.states
 
@@ -141,7 +141,7 @@ class CrowdPage:
         The force grows to a fifth of the body's weight.
 
         Raises:
-            ValueError: another number than of a robot, or another shape.
+            ValueError: not the number of a robot, or a wrong shape.
         """
         if robot not in range(len(self._laws)):
             raise InvalidInputError(f"robot = {robot} is out of range: there are robots 0 to {len(self._laws) - 1}")

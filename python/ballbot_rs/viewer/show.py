@@ -216,7 +216,7 @@ class Page:
         self._in_session(lambda session: session.push(float(np.arctan2(y, x)), float(np.hypot(x, y))))
 
     def set_params(self, params: Robot) -> None:
-        """Replaces the parameters of all robots while they move; the controller remains made for the former.
+        """Replaces the parameters of all robots while they move; the controller stays designed for the old ones.
 
         `page.set_params(page.params.replace(body_mass=3.0))` adds a load.
 
@@ -279,7 +279,7 @@ class Page:
 
         Raises:
             ValueError: a negative number.
-            TimeoutError: it takes ten times as long and 30 s more, for example because the page is paused.
+            TimeoutError: it takes over ten times this time plus 30 s, for example because the page is paused.
             RuntimeError: the page is closed.
         """
         if not check_real("seconds", seconds) >= 0.0:

@@ -1,4 +1,4 @@
-//! Yielding to a force from outside: a virtual mass and damping above the linear-quadratic regulator.
+//! Yielding to an external force: a virtual mass and damping above the linear-quadratic regulator.
 
 use crate::parts::delayed::DelayOptions;
 use crate::parts::joined::joined_fields;
@@ -46,7 +46,7 @@ joined_fields! {
 const MOVED: usize = 0;
 const VELOCITY: usize = 2;
 
-/// Admittance (Hogan 1985): the estimated force from outside moves a virtual mass with damping, m v̇ = F − d v, whose motion
+/// Admittance (Hogan 1985): the estimated external force moves a virtual mass with damping, m v̇ = F − d v, whose motion
 /// is added to the setpoint of an [`Lqr`]. So the robot is led by the hand, and stays where it is left.
 ///
 /// The force is estimated with the lean in equilibrium (`lean_observer` of [`Lqr`]); the regulator leans against it, and

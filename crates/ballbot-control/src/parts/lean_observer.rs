@@ -44,7 +44,7 @@ const MAX_LEAN: f64 = 0.3;
 /// velocities ẏ and θ̇ after a sample deviate from their prediction by M (θ̂₀ − θ₀, û₀ − u₀). The errors of the
 /// estimates decay by e^(−L T) per sample (derived in `docs/laws.md`).
 ///
-/// û₀ is also the horizontal force from outside: [`outside_force`].
+/// û₀ is also the horizontal external force: [`outside_force`].
 ///
 /// There is no correction after a sample with limited torques. θ̂₀ and its error are limited as vectors to 0.3 rad, so
 /// that an impulse moves the estimate only slightly; û₀ and its error are limited to the largest acceleration by the
@@ -71,7 +71,7 @@ struct Plane {
     corrections: [[f64; 2]; 2],
     /// u per wheel torque, rad/(s²·N·m).
     driven: Wheels<f64>,
-    /// Horizontal force from outside per û₀, N·s²/rad.
+    /// Horizontal external force per û₀, N·s²/rad.
     force: f64,
 }
 
@@ -159,12 +159,12 @@ impl LeanObserver {
     }
 
     /// Number of stored values per robot: θ̂₀ and û₀ in the planes of the inertial frame's x and y, then the
-    /// prediction, then the force from outside.
+    /// prediction, then the external force.
     pub(crate) fn kept(&self) -> usize {
         if self.observed.is_some() { MEMORY } else { 0 }
     }
 
-    /// Number of the first of the two stored values of the force from outside, if there is an estimate; the stored values
+    /// Number of the first of the two stored values of the external force, if there is an estimate; the stored values
     /// begin at number `first`.
     pub(crate) fn force_index(&self, first: usize) -> Option<usize> {
         self.observed.map(|_| first + FORCE)

@@ -1,4 +1,4 @@
-//! The horizontal force from outside, from the observer of the equilibrium.
+//! The horizontal external force, from the observer of the equilibrium.
 //!
 //! At rest a horizontal force F on the body is in balance with the floor's friction, so with the torque of the motors alone:
 //! τ₀ = −F r_w in a vertical plane of a robot with one wheel, wherever F acts. So û₀, the lean acceleration by the motors in

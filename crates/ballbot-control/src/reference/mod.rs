@@ -191,7 +191,7 @@ impl Reference {
             return Err(Error::Inconsistent(format!("the motion lifts a wheel off the ball: {would_do}")));
         }
         Err(Error::Inconsistent(format!(
-            "the motion takes {demand:.3} of the traction and torque of the robot, allowed is {share}: {would_do}"
+            "the motion takes {demand:.3} of the robot's traction and torque, but {share} is allowed: {would_do}"
         )))
     }
 }

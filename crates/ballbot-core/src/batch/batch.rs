@@ -406,7 +406,7 @@ impl Batch {
         self.chunks[chunk].push(i, impulse, point)
     }
 
-    /// Replaces the force from outside on the body of one robot; see [`Ballbot::apply_force`].
+    /// Replaces the external force on the body of one robot; see [`Ballbot::apply_force`].
     ///
     /// # Errors
     /// As [`Batch::state`] and [`Ballbot::apply_force`].
@@ -415,7 +415,7 @@ impl Batch {
         self.chunks[chunk].apply_force(i, force)
     }
 
-    /// Estimates of the horizontal forces from outside on the robots, inertial frame, N, at the last call of
+    /// Estimates of the horizontal external forces on the robots, inertial frame, N, at the last call of
     /// [`Batch::control`]; `None` unless its controller has an estimate ([`Law::force_index`](crate::control::Law::force_index)).
     pub fn outside_forces(&self) -> Option<Vec<[f64; 2]>> {
         self.places().map(|(chunk, i)| self.chunks[chunk].outside_force(i)).collect()

@@ -31,11 +31,11 @@ env_config! {
             /// Steps after which an episode is truncated.
             pub max_episode_steps: usize = T::MAX_EPISODE_STEPS, "", Limit::from(1.0);
             /// Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright
-            /// robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+            /// robot: an untrained policy then explores torques that balance a robot, not torques that topple it. With
             /// `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
             /// that holds its largest lean, within the motors' limit.
             pub max_wheel_torque: Option<f64> = None, "N·m", Limit::from(1e-9);
-            /// Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+            /// Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
             pub scale_observations: bool = true, "", Limit::FINITE;
             /// Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
             /// robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a policy.

@@ -63,7 +63,7 @@ impl Batch {
             if let Some(start) = start(index) {
                 if !masked(index) {
                     return Err(Error::Inconsistent(format!(
-                        "environment {index} has a start, but the mask leaves it alone"
+                        "environment {index} has a start, but the mask does not select it"
                     )));
                 }
                 let seed = request.seeds.and_then(|seeds| *seeds.get(index)?);

@@ -253,7 +253,7 @@ impl Task for Navigate {
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         self.goal().measure(&memory[..Goal::MEMORY], control_dt, metrics);
         metrics
-            .metric(Metric::new("collisions", "", "how often the robot came to touch an obstacle"), memory[COLLISIONS]);
+            .metric(Metric::new("collisions", "", "number of times the robot touched an obstacle"), memory[COLLISIONS]);
         metrics.metric(
             Metric::new(
                 "clearance",

@@ -47,7 +47,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")
-    sweeps.add_to(command, "body_mass, robot, model, actuators.delay or a number of the scenario as push", "score")
+    sweeps.add_to(command, "body_mass, robot, model, actuators.delay or a scenario number such as push", "score")
     shared.add_verbosity(command, "one row for each controller and scenario")
     command.set_defaults(carry_out=run)
 

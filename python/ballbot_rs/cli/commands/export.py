@@ -44,7 +44,7 @@ def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
         "export",
-        help="write a policy as ONNX, which runs without PyTorch, or it and what a robot needs as C99",
+        help="write a policy as ONNX, which runs without PyTorch, or a policy and other robot code as C99",
         examples=EXAMPLES,
     )
     command.add_argument(
@@ -114,9 +114,9 @@ def run(arguments: argparse.Namespace) -> None:
         source = arguments.policy
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
     if target.suffix not in (".onnx", ".h"):
-        raise ValueError(f"{target}: the name of an ONNX file ends in .onnx, the name of a C header in .h")
+        raise ValueError(f"{target}: the name of an ONNX file must end in .onnx, of a C header in .h")
     if arguments.policy.suffix == target.suffix == ".onnx":
-        raise ValueError(f"{arguments.policy} is an ONNX file already: it is written as a C header, -o FILE.h")
+        raise ValueError(f"{arguments.policy} is already an ONNX file: write it as a C header with -o FILE.h")
     if target.suffix == ".h":
         _export_policy_as_c(arguments, target)
     else:

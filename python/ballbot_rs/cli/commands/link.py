@@ -51,30 +51,30 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--peer",
         metavar="NAME|FILE.py:NAME",
-        help="be the controller: a law of ours on the estimator of --robot and --sensors, or your own",
+        help="act as the controller: a built-in law on the estimator of --robot and --sensors, or your own",
     )
     controller_options.add_to(command, "the controller of --peer")
     command.add_argument(
-        "--idle", type=seconds(0.0, MAX_IDLE), default=600.0, help="s without readings that end a peer (default 600)"
+        "--idle", type=seconds(0.0, MAX_IDLE), default=600.0, help="s without readings until a peer ends (default 600)"
     )
     shared.add_robot(command, otherwise="the robot's own, else")
     shared.add_events(command)
     shared.add_seed(command, "seed of events, sensors and faults (default 0)", 0, MAX_SEED)
-    command.add_argument("--real-time", action="store_true", help="keep to the clock (default: wait for the torques)")
+    command.add_argument("--real-time", action="store_true", help="run in real time (default: wait for the torques)")
     time = seconds(0.0, MAX_SECONDS)
-    command.add_argument("--timeout", type=time, default=0.1, help="s until readings are repeated (default 0.1)")
+    command.add_argument("--timeout", type=time, default=0.1, help="time, s, until readings are resent (default 0.1)")
     command.add_argument("--retries", type=whole(0, MAX_COUNT), default=3, help="repetitions in a step (default 3)")
     command.add_argument(
-        "--on-timeout", choices=ON_TIMEOUT, default="hold", help="torques of a step without torques (default hold)"
+        "--on-timeout", choices=ON_TIMEOUT, default="hold", help="torques in a step that receives none (default hold)"
     )
-    command.add_argument("--hold", type=whole(0, MAX_COUNT), default=10, help="most steps that hold (default 10)")
-    command.add_argument("--give-up", type=time, default=5.0, help="s without torques that end the run (default 5)")
-    command.add_argument("--connect", type=time, default=10.0, help="the same at the start (default 10)")
-    faults = command.add_argument_group("faults of the line (probabilities of a frame, in each direction)")
+    command.add_argument("--hold", type=whole(0, MAX_COUNT), default=10, help="maximum hold, steps (default 10)")
+    command.add_argument("--give-up", type=time, default=5.0, help="s without torques until the run ends (default 5)")
+    command.add_argument("--connect", type=time, default=10.0, help="--give-up at the start, s (default 10)")
+    faults = command.add_argument_group("injected faults (probabilities per frame, in each direction)")
     for name in ("drop", "corrupt", "duplicate", "delay"):
         faults.add_argument(f"--{name}", type=real(0.0, 1.0), default=0.0, help="(default 0)")
     faults.add_argument("--delay-time", type=seconds(0.0, MAX_DELAY), default=0.02, help="of --delay, s (default 0.02)")
-    command.add_argument("--log", type=Path, metavar="FILE.mcap", help="the whole exchange")
+    command.add_argument("--log", type=Path, metavar="FILE.mcap", help="log of the whole exchange")
     scenario.add_to(command, duration=5.0)
     command.add_argument("--json", action="store_true", help="print the result as JSON")
     command.set_defaults(carry_out=run)

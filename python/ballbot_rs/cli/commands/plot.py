@@ -57,7 +57,7 @@ def add_to(commands: Any) -> None:
         "--width",
         type=real(MM * WIDTHS[0], MM * WIDTHS[1], units=LENGTHS, unit="mm"),
         metavar="MM",
-        help="of the figures in mm, for example 89 for one column of a paper (default: as their panels need)",
+        help="width of the figures in mm, for example 89 for one column of a paper (default: to fit panels)",
     )
     command.add_argument(
         "--overlay", action="store_true", help="the trajectories of all controllers in common axes, not side by side"
@@ -67,7 +67,7 @@ def add_to(commands: Any) -> None:
         nargs="?",
         choices=DATA_FORMATS,
         const="csv",
-        help="also the numbers of each figure, a file a controller (default csv)",
+        help="also the numbers of each figure, one file per controller (default csv)",
     )
     scenario.add_to(command, duration=4.0)
     shared.add_verbosity(command, "the files")

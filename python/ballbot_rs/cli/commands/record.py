@@ -50,11 +50,11 @@ def add_to(commands: Any) -> None:
         nargs="?",
         const=True,
         metavar="TIME",
-        help="also a picture, FILE.png: at a time, else at the largest tilt",
+        help="also a picture, FILE.png: at the given time, otherwise at the largest tilt",
     )
     command.add_argument("--no-video", action="store_true", help="only the picture; needs --still")
     command.add_argument("--forces", action="store_true", help="show the forces at the contacts as arrows")
-    command.add_argument("--no-caption", action="store_true", help="without controller, time and tilt in the corner")
+    command.add_argument("--no-caption", action="store_true", help="omit controller, time and tilt from the corner")
     command.add_argument(
         "--schematic", action="store_true", help="plain shapes in place of meshes, which take three times as long"
     )
@@ -64,7 +64,7 @@ def add_to(commands: Any) -> None:
         nargs=2,
         metavar=("WIDTH", "HEIGHT"),
         default=(640, 480),
-        help="of the picture of each robot in pixels (default 640 480)",
+        help="size of the picture of each robot in pixels (default 640 480)",
     )
     command.add_argument(
         "--samples",
@@ -75,7 +75,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--camera", type=angle(MAX_TURN), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction, rad"
     )
-    command.add_argument("--distance", type=meters(0.01, 1000.0), help="of the camera, m")
+    command.add_argument("--distance", type=meters(0.01, 1000.0), help="distance of the camera, m")
     scenario.add_to(command, duration=5.0)
     shared.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)

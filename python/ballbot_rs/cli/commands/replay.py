@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
         "--begin",
         type=seconds(-math.inf, math.inf),
         metavar="S",
-        help="of the span in figure and video (default: of the log)",
+        help="start of the span in figure and video (default: of the log)",
     )
     command.add_argument("--seconds", type=seconds(above=True), default=4.0, help="duration of the span (default 4)")
     shared.add_output(command, "FILE.svg|.pdf|.png", "the figure (default replay.svg)")

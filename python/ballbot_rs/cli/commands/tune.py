@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
         help="steps of a trial instead of the configuration's",
     )
     command.add_argument(
-        "--trials", type=whole(1, MAX_TRIALS), default=20, help="trials in all, of earlier calls too (default 20)"
+        "--trials", type=whole(1, MAX_TRIALS), default=20, help="total trials, earlier calls included (default 20)"
     )
     command.add_argument(
         "--jobs", type=whole(1, 1024), default=1, help="trials at once, each a process with one thread (default 1)"
@@ -125,7 +125,7 @@ def _search(arguments: argparse.Namespace, task: str, module: Any) -> "Search":
             raise ValueError(f"--search {one}: expected NAME=RANGE")
         given[name] = space
     if not given and config_module.parse(text, "the configuration").algorithm != "PPO":
-        raise ValueError("the default search is of PPO: name what is searched with --search")
+        raise ValueError("the default search is for PPO: give the keys to search with --search")
     chosen = given or module.DEFAULT_SPACE
     space = {name: module.dimension_of(name, range_) for name, range_ in chosen.items()}
     folder = arguments.study or Path("runs") / f"tune-{task.replace('/', '-')}"

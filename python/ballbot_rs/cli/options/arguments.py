@@ -148,7 +148,7 @@ def add_robot(
         help=f"{', '.join(ROBOTS)}, or a file with parameters; its tables [actuators] and [sensors] apply, too, unless "
         f"others are named (default: {otherwise} paper)",
     )
-    settings.add_to(command, f"an option of the environment or a part of one, as {settings.EXAMPLES}{others}", keys)
+    settings.add_to(command, f"an option of the environment or a part of one, e.g. {settings.EXAMPLES}{others}", keys)
     command.add_argument(
         "--actuators",
         metavar="NAME|FILE",
@@ -219,7 +219,7 @@ def named_options(arguments: argparse.Namespace, own: Sequence[str] = STAGES) ->
         options["robot"] = robot_option(arguments.robot)
     if getattr(arguments, "urdf", None) is not None:
         if arguments.robot is not None:
-            raise ValueError("--urdf and --robot exclude each other: both name a robot")
+            raise ValueError("--urdf and --robot are mutually exclusive: both name a robot")
         options["robot"] = Params.from_urdf(*arguments.urdf).to_dict()
     named = {stage: getattr(arguments, stage) for stage in STAGES if getattr(arguments, stage, None) is not None}
     stages = {**{stage: file for stage, file in own_stages(arguments.robot).items() if stage in own}, **named}

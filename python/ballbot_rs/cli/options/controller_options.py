@@ -22,7 +22,7 @@ def add_to(command: Any, whose: str = "that controller") -> None:
         default=[],
         metavar="[CONTROLLER.]NAME=VALUE",
         help=f"an option of {whose} in SI units and rad, as position=0.1, max_torque=0.5, traction=false, or "
-        "lqi.integral=0.2 of one among several; repeat for more (docs/controllers.md)",
+        "lqi.integral=0.2 for one of several controllers; repeat for more (docs/controllers.md)",
     )
 
 
@@ -33,14 +33,14 @@ def _read(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any
     for option, value in settings.assignments(given, FLAG).items():
         head, dot, part = option.rpartition(".")
         if dot and head not in names:
-            raise InvalidInputError(f"{FLAG} {option}={value}: {head} is none of the controllers, {', '.join(names)}")
+            raise InvalidInputError(f"{FLAG} {option}={value}: {head} is not one of the controllers {', '.join(names)}")
         name = part if dot else option
         owners = [one for one in ([head] if dot else known) if name in known.get(one, ())]
         if not owners:
             have = [one for one in ([head] if dot else names) if one in known]
             if not have:
                 raise InvalidInputError(
-                    f"{FLAG} {option}={value}: {', '.join([head] if dot else names)} has none: options are of the "
+                    f"{FLAG} {option}={value}: {', '.join([head] if dot else names)} has none: options exist for the "
                     f"controllers of the package, {', '.join(CONTROLLERS)}"
                 )
             all_names = dict.fromkeys(one for controller in have for one in known[controller])

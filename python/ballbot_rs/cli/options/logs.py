@@ -59,7 +59,7 @@ def add_simulation(command: Any) -> None:
         nargs=3,
         metavar=("X", "Y", "Z"),
         default=(0.0, 0.0, 0.0),
-        help="of the accelerometer in the body frame, m (default 0 0 0)",
+        help="position of the accelerometer in the body frame, m (default 0 0 0)",
     )
     command.add_argument("--threads", type=whole(1, 256), help="threads of the simulations (default: all cores)")
 

@@ -21,7 +21,7 @@ PORT = 8080
 def add_to(command: Any) -> None:
     """Adds the port, and whether a browser opens."""
     command.add_argument(
-        "--port", type=whole(1, 65535), default=PORT, help=f"of the page (default {PORT}, or the next free one)"
+        "--port", type=whole(1, 65535), default=PORT, help=f"port of the page (default {PORT}, or the next free one)"
     )
     command.add_argument("--no-open", action="store_true", help="do not open the page")
 

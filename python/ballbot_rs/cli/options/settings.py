@@ -32,7 +32,7 @@ EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, robot.body_mass=2.5"
 
 def add_to(
     command: Any,
-    what: str = f"an option of the environment, or a part of one, in SI units and rad, as {EXAMPLES}",
+    what: str = f"an option of the environment, or a part of one, in SI units and rad, e.g. {EXAMPLES}",
     keys: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
     """Adds `--set`.

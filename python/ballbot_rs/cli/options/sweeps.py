@@ -35,7 +35,7 @@ def add_to(command: Any, names: str, value: str) -> None:
         help=f"values to compare at, of {names}; repeat for a grid",
     )
     group.add_argument(
-        "--checkpoint", type=Path, metavar="FILE.json", help="keeps points that are done; continues from them"
+        "--checkpoint", type=Path, metavar="FILE.json", help="saves completed points and resumes from them"
     )
     group.add_argument("--value", metavar="COLUMN", help=f"the number that is shown (default {value})")
     group.add_argument(
@@ -60,14 +60,14 @@ def read(arguments: argparse.Namespace, columns: Sequence[str]) -> dict[str, lis
     if not arguments.sweep:
         for name in _OTHERS:
             if getattr(arguments, name) is not None:
-                raise InvalidInputError(f"--{name} is of a sweep: add {FLAG} NAME=V1,V2,...")
+                raise InvalidInputError(f"--{name} needs a sweep: add {FLAG} NAME=V1,V2,...")
         return None
     if arguments.value is not None and arguments.value not in columns:
         close = did_you_mean(arguments.value, columns) or f": expected one of {', '.join(columns)}"
         raise InvalidInputError(f"--value {arguments.value}: unknown column{close}")
     output = arguments.output
     if output is not None and output.suffix not in (".csv", ".svg", ".pdf", ".png"):
-        raise InvalidInputError(f"{output}: the name ends in .csv for numbers, in .svg, .pdf or .png for a figure")
+        raise InvalidInputError(f"{output}: the name must end in .csv for numbers, in .svg, .pdf or .png for a figure")
     found: dict[str, list[Any]] = {}
     for text in arguments.sweep:
         name, equals, values = text.partition("=")
@@ -81,7 +81,7 @@ def read(arguments: argparse.Namespace, columns: Sequence[str]) -> dict[str, lis
         except ValueError:
             found[name] = [value_of(value.strip()) for value in values.split(",")]
     if output is not None and output.suffix != ".csv" and len(found) > 2:
-        raise InvalidInputError(f"{output}: a figure is of one or two names, not of {len(found)}: write a .csv")
+        raise InvalidInputError(f"{output}: a figure shows one or two names, not {len(found)}: write a .csv")
     return found
 
 

@@ -111,7 +111,7 @@ class Stage:
                     if option == "rows":
                         # They are also computed for privileged observations, and again where a command changes.
                         raise InvalidInputError(
-                            f"{label} has a memory: rows follow from the robots of the present step"
+                            f"{label} keeps state: rows may depend only on the robots in the current step"
                         )
                     self._resets.append(reset)
         self._rewards = [part for _, part in found["reward"]]
@@ -343,7 +343,7 @@ def _rows(part: Part, robots: Robots, *, needs_columns: bool) -> Rows:
     found = real_array(f"{part.label} returned", part.call(robots), "numbers")
     n, is_one = len(robots), found.ndim == 1 and not needs_columns
     if (not is_one and (found.ndim != 2 or found.shape[1] == 0)) or found.shape[0] != n:
-        expected = f"({n}, k): a row a robot" if needs_columns else f"({n},) or ({n}, k)"
+        expected = f"({n}, k): one row per robot" if needs_columns else f"({n},) or ({n}, k)"
         raise InvalidInputError(f"{part.label} returned shape {found.shape}, expected {expected}")
     return Rows(part.label, part.call, found.shape[1:])
 

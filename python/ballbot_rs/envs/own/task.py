@@ -41,7 +41,7 @@ class Task:
     #: A task of the core to build on, as "velocity", with its commands, options, starts, falls and metrics. It is shown
     #: alike; rows of `observe` follow the rows of the base, whose reward terms have the scale 0. None: no command.
     base: ClassVar[str | None] = None
-    #: Default length of an episode in control steps; None is without end.
+    #: Default length of an episode in control steps; None means no limit.
     max_episode_steps: ClassVar[int | None] = 1000
     #: Bound of the observations' magnitudes: a number, or one for each column. Larger values are clipped.
     observation_bound: ClassVar[float | npt.ArrayLike] = 1e3
@@ -49,7 +49,7 @@ class Task:
     row_names: ClassVar[Sequence[str] | None] = None
     #: Units of `metrics` by name, for tables and the page.
     units: ClassVar[Mapping[str, str]] = {}
-    #: What of `metrics` is kept of an episode, by name: "mean" (else), "rms", "max", "min" or "last".
+    #: How each of `metrics` is summarized over an episode: "mean" (the default), "rms", "max", "min" or "last".
     summaries: ClassVar[Mapping[str, str]] = {}
 
     def observe(self, robots: Robots) -> npt.ArrayLike:
@@ -69,7 +69,7 @@ class Task:
         return np.zeros(len(robots), dtype=bool)
 
     def metrics(self, robots: Robots) -> Mapping[str, npt.ArrayLike]:  # noqa: ARG002
-        """Numbers by name, shape (n,) each, whose `summaries` over an episode commands, infos and the page show."""
+        """Numbers by name, shape (n,) each; commands, infos and the page show their `summaries` over an episode."""
         return {}
 
     def drawing(self, robots: Robots) -> npt.ArrayLike:

@@ -121,10 +121,10 @@ class SensorLog:
     def read(
         cls, path: str | PathLike[str], columns: str | PathLike[str] | Mapping[str, Any] | None = None
     ) -> SensorLog:
-        """A log from a CSV file with a header, an npz file with one array a column, or an MCAP file.
+        """A log from a CSV file with a header, an npz file with one array per column, or an MCAP file.
 
-        Of an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as
-        `effort`, or what `Trajectory.to_mcap` wrote. Of other files: the columns `time` (s), `torque_0` to `torque_2`
+        In an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as
+        `effort`, or what `Trajectory.to_mcap` wrote. In other files: the columns `time` (s), `torque_0` to `torque_2`
         (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`, `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`,
         `acc_y`, `acc_z` (m/s²), `attitude_w` to `attitude_z` and `position_x` to `position_z` (m). A map names other
         columns, units, signs and time stamps; docs/identify.md has its keys, and how different rates, gaps and clocks
@@ -142,7 +142,7 @@ class SensorLog:
         """
         path = Path(path)
         if path.suffix not in SUFFIXES:
-            raise InvalidInputError(f"{path}: the name of a log ends in .csv, .npz or .mcap")
+            raise InvalidInputError(f"{path}: the name of a log must end in .csv, .npz or .mcap")
         if columns is None:
             found = None
         else:
@@ -181,7 +181,7 @@ class SensorLog:
             lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
             _files.write(path, "\n".join(lines) + "\n")
         else:
-            raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+            raise InvalidInputError(f"{path}: the name of a log must end in .csv or .npz")
 
 
 def _table(path: Path, known: Collection[str], blanks: bool = False) -> Mapping[str, Column]:
@@ -237,7 +237,7 @@ def _check_time(time: Array) -> None:
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 1
         raise InvalidInputError(
-            f"time of row {row} is {time[row]:g} s after {time[row - 1]:g} s: it must increase{single_precision(time)}"
+            f"time of row {row} is {time[row]:g}, after {time[row - 1]:g} s: it must increase{single_precision(time)}"
         )
     median = float(np.median(steps))
     if median > MAX_STEP:

@@ -95,7 +95,7 @@ def _only(topics: Mapping[str, Topic], types: tuple[str, ...]) -> Topic:
     if len(found) != 1:
         names = ", ".join(f"{one.name} ({one.schema or 'no schema'})" for one in topics.values()) or "none"
         which = "no topic has" if not found else f"{len(found)} topics have"
-        raise InvalidInputError(f"{which} messages {types[0]}; topics: {names}; name numbers by a column map")
+        raise InvalidInputError(f"{which} messages {types[0]}; topics: {names}; select columns with a column map")
     return found[0]
 
 
@@ -108,7 +108,7 @@ def _of_robot(topics: Mapping[str, Topic]) -> dict[str, list[str]]:
             "theirs by a column map"
         )
     if not any(path.startswith("effort.") for path in joints.columns):
-        raise InvalidInputError(f"{joints.name} has no effort; name the torques by a column map")
+        raise InvalidInputError(f"{joints.name} has no effort; select the torques with a column map")
     found = {name: [f"{joints.name}.{field}.{joint}" for joint in names] for name, field in _OF_JOINTS.items()}
     for name, (field, axes) in _OF_IMU.items():
         if name == "gyro" or _is_measured(imu, field):
@@ -138,7 +138,7 @@ def _owner(title: str, topics: Mapping[str, Topic]) -> Topic:
     """The topic that a column belongs to: the longest whose name begins it."""
     owners = [topic for topic in topics.values() if title.startswith(f"{topic.name}.")]
     if not owners:
-        raise InvalidInputError(f"column {title}: no topic begins so; there are {', '.join(topics) or 'none'}")
+        raise InvalidInputError(f"column {title}: no topic name begins it; there are {', '.join(topics) or 'none'}")
     topic = max(owners, key=lambda one: len(one.name))
     path = title[len(topic.name) + 1 :]
     if path not in topic.columns:

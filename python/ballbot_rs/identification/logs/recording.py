@@ -66,7 +66,7 @@ def checked(source: str, clock: str, time: Array, values: Array) -> Series:
     if len(back):
         first = int(back[0])
         raise InvalidInputError(
-            f"{source}: time does not increase {len(back)} times, first from row {rows[first]} to row "
+            f"{source}: time fails to increase {len(back)} times, first from row {rows[first]} to row "
             f"{rows[first + 1]}, by {times[first + 1] - times[first]:g} s: sort the rows, or cut the log where its "
             "clock was set"
         )

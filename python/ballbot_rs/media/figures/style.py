@@ -122,7 +122,7 @@ def check_suffix(path: Path) -> None:
         ValueError: another suffix.
     """
     if path.suffix not in (".svg", ".pdf", ".png"):
-        raise ValueError(f"{path}: the name of a figure ends in .svg, .pdf or .png")
+        raise ValueError(f"{path}: the name of a figure must end in .svg, .pdf or .png")
 
 
 def save(fig: Figure, path: Path, dpi: int = 150) -> None:

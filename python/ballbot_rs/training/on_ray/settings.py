@@ -68,7 +68,7 @@ class Ray:
             ValueError: the robots cannot be divided evenly, or differ.
         """
         if self.workers > 1 and are_several(config.env.get("robot")):
-            raise ValueError(f"workers = {self.workers}: each worker would have the first robots alone, expected 1")
+            raise ValueError(f"workers = {self.workers}: each worker would have only the first robots, expected 1")
         each, rest = divmod(config.num_envs, self.workers)
         if rest or each == 0:
             raise ValueError(
@@ -117,7 +117,7 @@ def steps_each(config: TrainConfig) -> int:
 def _checked(config: TrainConfig) -> dict[str, Any]:
     """The arguments of the algorithm."""
     if config.algorithm != "PPO":
-        raise ValueError(f"algorithm = {config.algorithm}: on Ray there is only PPO")
+        raise ValueError(f"algorithm = {config.algorithm}: only PPO is available on Ray")
     given = config.arguments()
     # RLlib always normalizes advantages.
     if given.pop("normalize_advantage", True) is not True:
@@ -129,10 +129,10 @@ def _checked(config: TrainConfig) -> dict[str, Any]:
     for name, value in given.items():
         if name not in known:
             expected = ", ".join(sorted(known))
-            raise ValueError(f"algorithm_arguments.{name} = {value!r}: not on Ray, which has {expected}")
+            raise ValueError(f"algorithm_arguments.{name} = {value!r}: not supported on Ray, expected {expected}")
     for name in config.schedule:
         if name != "learning_rate":
             raise ValueError(f"schedule.{name} = '{config.schedule[name]}': on Ray only learning_rate has a schedule")
     if "features_extractor_class" in config.policy:
-        raise ValueError("policy.features_extractor_class: not on Ray")
+        raise ValueError("policy.features_extractor_class is not supported on Ray")
     return given

@@ -63,7 +63,7 @@ class RobotPanel:
             hint="estimate: what follows from gyroscope, accelerometer and encoders",
         )
         self.ghost = gui.add_dropdown(
-            "Compare with", [NONE, *named], hint="a second, transparent robot under this controller, treated alike"
+            "Compare with", [NONE, *named], hint="a second, transparent robot under this controller, same inputs"
         )
         for control in (self.model, self.robot, self.task, self.controller, self.policy, self.sees, self.count):
             control.on_update(self._choose)
@@ -173,7 +173,7 @@ class ParameterPanel:
             )
             slider.on_update(functools.partial(self._moved, name))
             self._sliders[name] = slider
-        add_button(gui, submit, "Nominal robot", self._restore, hint="takes all changes back")
+        add_button(gui, submit, "Nominal robot", self._restore, hint="undoes all changes")
         self._table = gui.add_markdown("")
 
     async def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
@@ -235,7 +235,7 @@ def table_of(session: Session) -> str:
     rows += [f"| {name} | | {_text(value)} | |" for name, value in (robots[0].motors | sensors).items()]
     if not rows:
         return "Robot 0 is the nominal one, with ideal motors."
-    return "\n".join(["| robot 0, SI units | nominal | now | drawn |", "|---|---|---|---|", *rows])
+    return "\n".join(["| robot 0, SI units | nominal | now | sampled |", "|---|---|---|---|", *rows])
 
 
 def _drawn(term: str, draws: dict[str, Any]) -> str:

@@ -43,7 +43,7 @@ class RunPanel:
             submit,
             "New command of the task",
             Session.sample_commands,
-            hint="the task draws the commands again, from where the robots are",
+            hint="the task samples new commands, from where the robots are",
         )
         self._add_routes()
         gui.add_divider()
@@ -137,13 +137,13 @@ def help_of(commanding: Commanding) -> str:
         return (
             "**Drive**: `W` `A` `S` `D` or arrows: velocity along the heading (violet marks); `Q` `E`: turn; space: "
             "stop; `C`: camera behind the robot. Gamepad: its two sticks. "
-            f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
+            f"At most {limits}, as the task samples; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
             f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
         )
     if commanding.geometry == CLICKED:
         return (
             f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
-            "draws; a farther click is brought nearer."
+            "samples; a farther click is moved closer."
         )
     if commanding.takes_clicks:
         return "**Click on the floor**: a point for the task."

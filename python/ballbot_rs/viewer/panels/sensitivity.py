@@ -15,7 +15,7 @@ from ballbot_rs.viewer.session.session import Session
 COMPUTE, STOP = "Compute sensitivities", "Stop"
 
 INTRODUCTION = (
-    "Largest change of the motion after the push of the tab Run by 10 % of each parameter, or of a small effect if it "
+    "Largest change of the motion after the push of tab Run, due to 10 % of each parameter or of a small effect if it "
     "may be zero. The controller is designed for the nominal robot."
 )
 

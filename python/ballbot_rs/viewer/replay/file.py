@@ -18,7 +18,7 @@ WIDTH: Final = 9.6
 
 
 def write(trajectory: Trajectory, path: Path, *, frame_rate: float, forces: bool, dark: bool) -> None:
-    """Writes the file; arguments as of `Trajectory.to_html`.
+    """Writes the file; arguments as in `Trajectory.to_html`.
 
     Raises:
         OSError: the file cannot be written; an earlier one stays as it is.

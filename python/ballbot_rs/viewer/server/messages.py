@@ -1,4 +1,4 @@
-"""Messages that a client may send. All others are dropped before viser, which trusts and fractions its input.
+"""Messages that a client may send. All others are dropped before viser, which trusts and shares its input.
 
 Otherwise a value that is not finite, or that a control cannot have, would go to all pages, including pages opened
 later.

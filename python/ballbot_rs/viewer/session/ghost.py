@@ -53,7 +53,7 @@ def keep_up(session: "Session") -> None:
     except Exception as error:
         # Its policy may return nonsense; the session continues without it.
         session.ghost = None
-        session.notices.append(f"{ghost.controller}, to compare with: {error or type(error).__name__}; it is gone")
+        session.notices.append(f"the comparison with {ghost.controller} ended: {error or type(error).__name__}")
 
 
 def _try(session: "Session", call: Callable[[], Any]) -> None:
@@ -62,4 +62,4 @@ def _try(session: "Session", call: Callable[[], Any]) -> None:
     except Exception as error:
         # A foreign controller may fail in any way.
         assert session.ghost is not None
-        session.notices.append(f"{session.ghost.controller}, to compare with: {error or type(error).__name__}")
+        session.notices.append(f"comparison with {session.ghost.controller}: {error or type(error).__name__}")

@@ -11,7 +11,7 @@ from ballbot_rs.viewer.session.session import Session
 
 
 def session_of(replay: Replay, robot: str) -> Session:
-    """A session that replays a log from its begin, as far as a recording can hold it.
+    """A session that replays a log from its beginning, as far as a recording can hold it.
 
     Args:
         replay: the log and its simulation.

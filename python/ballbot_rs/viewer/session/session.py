@@ -95,7 +95,7 @@ class Session(Configured):
         """A click on the floor, m: as `move_setpoint`, or to the nearest allowed point, which a message names.
 
         Raises:
-            ValueError: as `move_setpoint`, for other reasons than a far point.
+            ValueError: as `move_setpoint`, for reasons other than a distant point.
         """
         near = self._objective.nearest(self.robots, x, y)
         self.move_setpoint(*near)
@@ -252,7 +252,7 @@ class Session(Configured):
         try:
             self.compare_with(name)
         except (TypeError, ValueError, OSError, TimeoutError) as error:
-            self.notices.append(f"{name}, to compare with, is gone: {error}")
+            self.notices.append(f"the comparison with {name} ended: {error}")
 
     def _frame(self) -> Frame:
         ghost = None if self.ghost is None else ghost_of(self.ghost)

@@ -78,9 +78,9 @@ CHANGES: Final[Mapping[str, Change]] = {
     "floor_friction": Change("Floor friction (×)", 0.0, 2.0, 0.01, 1.0, "ball on the floor, static and dynamic"),
     "body_mass": Change("Body mass (×)", 0.1, 3.0, 0.01, 1.0, "and its inertia"),
     "com_height": Change("CoM height (×)", 0.5, 2.0, 0.01, 1.0, "of the center of mass above the ball's center"),
-    "com_x": Change("CoM x (mm)", -100.0, 100.0, 0.5, 0.0, "of the center of mass, off its own place"),
-    "com_y": Change("CoM y (mm)", -100.0, 100.0, 0.5, 0.0, "of the center of mass, off its own place"),
-    "motor_strength": Change("Motor strength (×)", 0.0, 2.0, 0.01, 1.0, "share of the commanded torque"),
+    "com_x": Change("CoM x (mm)", -100.0, 100.0, 0.5, 0.0, "offset of the center of mass from nominal"),
+    "com_y": Change("CoM y (mm)", -100.0, 100.0, 0.5, 0.0, "offset of the center of mass from nominal"),
+    "motor_strength": Change("Motor strength (×)", 0.0, 2.0, 0.01, 1.0, "fraction of the commanded torque"),
     "motor_delay": Change("Motor delay (ms)", 0.0, 100.0, 2.0, 0.0, "dead time: a whole number of model steps"),
     "motor_lag": Change("Motor lag (ms)", 0.0, 100.0, 1.0, 0.0, "time constant"),
     "sensor_noise": Change(

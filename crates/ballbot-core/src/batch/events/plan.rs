@@ -29,7 +29,7 @@ pub enum Target {
     Field { table: Table, index: usize, followers: Vec<usize> },
     /// The body's momentum.
     Push,
-    /// The force from outside on the body.
+    /// The external force on the body.
     Force,
 }
 
@@ -425,7 +425,7 @@ fn whole([low, high]: [f64; 2], grain: f64) -> Result<[f64; 2]> {
 fn check_range(event: &Event, width: usize) -> Result<()> {
     if event.shared && event.range.len() != 1 {
         let found = event.range.len();
-        return Err(Error::Inconsistent(format!("range has {found} pairs of numbers, a shared draw has one")));
+        return Err(Error::Inconsistent(format!("range has {found} pairs of numbers, a shared sample has one")));
     }
     if event.range.len() != 1 && event.range.len() != width {
         let expected = if width == 1 { "one".to_owned() } else { format!("one, or {width}") };
