@@ -343,7 +343,7 @@ def test_a_map_needs_a_regular_file(tmp_path, log):
 def test_times_that_run_backwards_and_too_few_samples_are_rejected(tmp_path, log):
     columns = {"t": log.time.copy(), **rows_of(log)}
     columns["t"][600:] -= 1.0
-    message = r"log\.csv: u0, u1, u2: time does not increase 1 times, first from row 599 to row 600, by -0\.995 s"
+    message = r"log\.csv: u0, u1, u2: time fails to increase 1 times, first from row 599 to row 600, by -0\.995 s"
     with pytest.raises(ValueError, match=message):
         SensorLog.read(*written(tmp_path, columns))
     for title in COLUMNS["gyro"]:

@@ -234,7 +234,7 @@ def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_pat
     [
         (("--set", "control_dt=0.01"), "--set control_dt: a replay has robot.NAME, actuators.NAME"),
         (("--set", "robot.body_mas=1"), "body_mas"),
-        (("-o", "replay.gif"), "replay.gif: the name of a figure ends in .svg, .pdf, .png"),
+        (("-o", "replay.gif"), "replay.gif: the name of a figure must end in .svg, .pdf, .png"),
         (("--video", "replay.avi"), "replay.avi: a video ends in .mp4"),
         (("--begin", "99"), "--begin 99 is outside the log, which has 6.00 s, from 0.00 to 6.00 s"),
         (("--columns", "nowhere.toml"), "nowhere.toml: No such file or directory"),

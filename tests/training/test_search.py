@@ -71,8 +71,8 @@ def test_an_invalid_range_is_rejected(text):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("env.reward.alive", "not be compared"),
-        ("reward_scale", "not be compared"),
+        ("env.reward.alive", "not be comparable"),
+        ("reward_scale", "not be comparable"),
         ("gamma", "unknown key 'gamma'"),
         ("num_envs", r"num_envs = -3 is out of range"),
     ],

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     out = arguments.output or Path("replay.svg")
     if out.suffix not in _SUFFIXES:
-        raise ValueError(f"{out}: the name of a figure ends in {', '.join(_SUFFIXES)}")
+        raise ValueError(f"{out}: the name of a figure must end in {', '.join(_SUFFIXES)}")
     if arguments.video is not None:
         check_suffix(arguments.video)
     with require("a figure", "plot"):
