@@ -226,14 +226,23 @@ def test_lqr_accepts_a_cost_once() -> None:
     assert bb.Lqr(Q=np.eye(10), torque=0.1).gain.shape == (3, 10)
 
 
-def test_the_file_of_a_robot_is_read_once(tmp_path):
+def test_files_are_read_once(tmp_path):
     file = tmp_path / "mine.toml"
     mine = bb.Params.preset("kugle").replace(body_mass=11.0)
     file.write_text("".join(f"{name} = {json.dumps(value)}\n" for name, value in mine.to_dict().items()))
-    envs = front_ends(robot=str(file))
+    tables = {
+        "actuators": "[actuators]\ndelay = 0.004\n",
+        "sensors": "[sensors]\ngyro_noise = 0.01\n",
+        "events": '[[events]]\nterm = "body_mass"\nop = "scale"\nrange = [0.9, 1.1]\n',
+    }
+    for name, text in tables.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    files = {name: tmp_path / f"{name}.toml" for name in tables}
+    envs = front_ends(robot=str(file), **files)
     several = bb.BallbotVecEnv(16, robot=[file, "kugle"])
     learned = bb.save(PPO("MlpPolicy", envs[2], n_steps=8, batch_size=16), tmp_path / "policy.zip")
-    file.unlink()
+    for path in (file, *files.values()):
+        path.unlink()
     for env in envs:
         assert env.task_options["robot"] == mine.to_dict()
         again = pickle.loads(pickle.dumps(env))

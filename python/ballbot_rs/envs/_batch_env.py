@@ -5,7 +5,7 @@ import functools
 import secrets
 from collections.abc import Iterable, Mapping
 from os import PathLike
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
 from ballbot_rs.envs.own.task import BARE, NO_TIME_LIMIT, Task
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, name_of
+
+#: Options that may name a file with a table.
+_TABLES: Final = ("actuators", "sensors", "events")
 
 
 def new_batch(
@@ -416,11 +419,13 @@ class BatchEnv(BatchAttributes):
         check_room(options.get("robot"), num_envs)
         if "robot" in options:
             options = {**options, "robot": _read(options["robot"])}
-        self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(
             num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=self._first_seed, options=options
         )
+        # A copy of the environment must not depend on files, either.
+        named = {name: self._batch.options[name] for name in _TABLES if isinstance(options.get(name), (str, PathLike))}
+        self._batch_arguments = (num_envs, task, autoreset, num_threads, {**options, **named})
 
     def _termination_names(self) -> list[str]:
         """Names for the numbers of `termination` in infos."""
