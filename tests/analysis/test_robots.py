@@ -161,7 +161,7 @@ def test_files_have_everything(tmp_path):
         ({}, TypeError, "num_robots=, or the robots, robots="),
         ({"num_robots": 0}, ValueError, "num_robots = 0"),
         ({"num_robots": True}, TypeError, "num_robots = True is not a whole number"),
-        ({"num_robots": 2, "robots": {"body_mass": [2.0]}}, ValueError, r"2 robots, robots\['body_mass'\] of 1"),
+        ({"num_robots": 2, "robots": {"body_mass": [2.0]}}, ValueError, r"2 robots, but robots\['body_mass'\] has 1"),
         ({"robots": {"body_mass": 2.0}}, ValueError, "one value of each robot"),
         ({"robots": {"body_mass": ["x"]}}, TypeError, "expected numbers of each robot"),
         ({"robots": {"body_mas": [2.0]}}, ValueError, "robot 0 of robots: .*did you mean 'body_mass'"),

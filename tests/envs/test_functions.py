@@ -438,7 +438,7 @@ def test_what_rebuilds_another_function_is_an_error():
 
 
 def test_memory_in_rows_and_huge_terms_are_rejected():
-    with pytest.raises(ValueError, match=r"rows\.smooth has a memory"):
+    with pytest.raises(ValueError, match=r"rows\.smooth keeps state"):
         bb.BalanceEnv(rows={"smooth": Smooth})
     env = bb.BalanceEnv(reward={"huge": lambda robots: np.full(len(robots), -1e10)})
     env.reset(seed=0)

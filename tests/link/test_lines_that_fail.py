@@ -483,7 +483,7 @@ def test_peer_of_another_rate_is_an_error():
         client.connect((host, int(port)))
         client.send(encode(frame_of(1, Flag.RESET)))
         client.send(encode(frame_of(2)._replace(time=10_000)))
-        with pytest.raises(bb.InvalidInputError, match=r"has control_dt = 0\.01 s, and Damping is made for 0\.005 s"):
+        with pytest.raises(bb.InvalidInputError, match=r"has control_dt = 0\.01 s, but Damping is made for 0\.005 s"):
             peer.serve()
 
 

@@ -288,7 +288,7 @@ def test_one_image_for_each_robot_needs_one_renderer_for_each(tmp_path):
     one, low = renderer_for(shown, **SMALL), renderer_for(shown, **{**SMALL, "height": 48})
     for renderers, message in (
         ([one], "1 renderers for 2 trajectories"),
-        ([one, low], "one height"),
+        ([one, low], "the same height"),
     ):
         with pytest.raises(ValueError, match=message):
             write_video([shown, shown], tmp_path / "a.mp4", renderer=renderers)

@@ -170,7 +170,7 @@ def test_policies_are_symmetric_where_robots_are():
     assert space_of(**{"policy.net_arch": [8]}).size == 16 * 8 + 8 + 8 * 3 + 3
     expected = {"algorithm_arguments.symmetric": True}
     assert space_of(**expected).size == 9
-    with pytest.raises(ValueError, match="symmetric = True: the wheels of robot 0 are not alike"):
+    with pytest.raises(ValueError, match="symmetric = True: the wheels of robot 0 are not identical"):
         space_of(**expected, **uneven)
     assert space_of(**{"env.history": 5}).size == 9 * 5
     assert space_of(**{"env.history": 50}).size == 3 * (16 * 50 + 1)

@@ -121,7 +121,7 @@ def run_scenarios(
         TypeError: sensors or events that are neither a name nor a path, or as `compare`.
     """
     if checkpoint is not None and sweep is None:
-        raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
+        raise TypeError("checkpoint needs a sweep: pass its points as sweep=...")
     params = params_of(robot)
     known = load(file)
     requested = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     out = arguments.output or Path("log.csv")
     if out.suffix not in (".csv", ".npz"):
-        raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
+        raise ValueError(f"{out}: the name of a log must end in .csv or .npz")
     with bar("recording", arguments.quiet or arguments.json) as progress:
         log = record_log(
             settings.one_robot(robot_option(arguments.robot)),
