@@ -1,6 +1,7 @@
 """The policy for any robot, trained with each of five seeds.
 
-`python -m validation.policies.any_seeds` prints the table of docs/training.md, in two hours of two cores.
+`python -m validation.policies.any_seeds` prints a table, in two hours of two cores. All seeds have the same robots in
+their training: they differ in the first weights, the noise, the starts and the evolution.
 """
 
 import sys
