@@ -65,7 +65,7 @@ true parameters, delay and floor; a law of the *nominal* robot is designed for t
 upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of upright; with `wide`, whose robots lean at
 rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
 
-The largest impulsive push it survives, in the worst of 24 directions, is 91 % (paper), 93 % (asroballet), 92 % (kugle)
+The largest impulsive push it survives, in the worst of 24 directions, is 91 % (paper), 93 % (asroballet), 91 % (kugle)
 and 93 % (rezero) of what `lqr`, which knows the robot, withstands; it recovers from tilts of 96 to 106 % of the law's.
 The law is the better choice if the robot is known. An action of 1 is 0.4 N·m on the paper's robot, and on any other
 robot equally large in proportion to the torque that holds its largest lean, within the limit of its motors.
