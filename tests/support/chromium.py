@@ -186,8 +186,11 @@ class Chromium:
         path.write_bytes(picture)
         return picture
 
-    def close(self) -> None:
-        """Ends the browser."""
+    def close(self, picture: Path | None = None) -> None:
+        """Ends the browser, after a last picture, if it still answers."""
+        if picture is not None:
+            with contextlib.suppress(AssertionError, TimeoutError):
+                self.screenshot(picture)
         self._open.close()
         self._process.terminate()
         try:

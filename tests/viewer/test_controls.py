@@ -99,8 +99,7 @@ def opened(request, tmp_path_factory):
     page.wait_for(f"document.querySelector('canvas[data-engine]') && {named('Push')}")
     wait_until(lambda: view.server.get_clients())
     yield view, page, folder
-    page.screenshot(folder / "last.png")
-    page.close()
+    page.close(folder / "last.png")
     view.stop()
     assert view.runner.error is None
     assert page.errors == []

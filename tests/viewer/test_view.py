@@ -158,8 +158,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         page.screenshot(tmp_path / "plots.png")
         assert page.errors == []
     finally:
-        page.screenshot(tmp_path / "last.png")
-        page.close()
+        page.close(tmp_path / "last.png")
     # The client that vanished left no trace.
     before = query(view, lambda session: session.time)
     wait_until(lambda: query(view, lambda session: session.time) > before + 0.2)

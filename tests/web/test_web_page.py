@@ -49,9 +49,8 @@ def page(request, url, tmp_path):
     )
     open_page(browser, url)
     yield browser
-    browser.screenshot(tmp_path / "last.png")
+    browser.close(tmp_path / "last.png")
     assert browser.errors == []
-    browser.close()
 
 
 def open_page(browser, address):
