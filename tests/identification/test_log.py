@@ -64,7 +64,7 @@ def test_columns_may_have_any_order_and_additional_columns(tmp_path):
         (changed("gyro", (7, 1), np.nan), "gyro_y of row 7 is nan; 1 of 300 rows are not finite: leave them out"),
         (changed("torques", ([4, 9], 2), np.inf), "torque_2 of row 4 is inf; 2 of 300 rows"),
         (changed("time", 5, np.nan), "time of row 5 is nan"),
-        (changed("time", 5, 0.04), "time of row 5 is 0.04, after 0.04 s: it must increase"),
+        (changed("time", 5, 0.04), "time of row 5 is 0.04 s, after 0.04 s: it must increase"),
         ({"time": 10.0 * np.arange(ROWS)}, "median time step is 10 s, the limit is 0.05 s.*give time in seconds"),
         (
             changed("gyro", (3, 2), 90.0),

@@ -35,11 +35,11 @@ ballbot evaluate runs/slippery --controller lqr --episodes 200 \\
   --set 'events=[{"term": "wheel_dynamic_friction", "range": [0.2, 0.2]}]'
 ```
 
-LQR with a lower torque limit (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) also keeps the robot upright down to μ
-= 0.2. No limit that we tried works both for large tilts on dry wheels and for small tilts on the most slippery wheels.
-An LQR designed for the true friction is in [off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each
-number is the percentage of 200 episodes without a fall; bands in the figure are the range of the seeds and, for LQR,
-Wilson's 95 % intervals.
+LQR with a lower torque limit (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) also keeps the robot upright down to
+μ = 0.2. No limit that we tried works both for large tilts on dry wheels and for small tilts on the most slippery
+wheels. An LQR designed for the true friction is in
+[off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each number is the percentage of 200 episodes
+without a fall; bands in the figure are the range of the seeds and, for LQR, Wilson's 95 % intervals.
 """
 
 Rates = Mapping[str, Sequence[float]]

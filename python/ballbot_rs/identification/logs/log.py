@@ -237,7 +237,7 @@ def _check_time(time: Array) -> None:
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 1
         raise InvalidInputError(
-            f"time of row {row} is {time[row]:g}, after {time[row - 1]:g} s: it must increase{single_precision(time)}"
+            f"time of row {row} is {time[row]:g} s, after {time[row - 1]:g} s: it must increase{single_precision(time)}"
         )
     median = float(np.median(steps))
     if median > MAX_STEP:
