@@ -156,7 +156,7 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
         # It follows from each robot.
         options["max_wheel_torque"] = None
     if "robot" in given:
-        options["robot"] = _as_json(_read(given["robot"]))
+        options["robot"] = _as_json(given["robot"])
         if several:
             # They follow from each robot, too.
             fitted = {option["name"] for option in description_of(batch.task)["options"] if option["scaled"]}
@@ -164,20 +164,15 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     return options if batch.stage is None else batch.stage.options(options)
 
 
-def _read(robot: Any) -> Any:
-    """The value of an option `robot` without files: a file may change, and no other machine has it."""
-    if is_list(robot):
-        return [_read(one) for one in robot]
-    is_file = isinstance(robot, (str, PathLike)) and robot not in ROBOTS
-    return params_of(robot) if is_file else robot
-
-
 def _as_json(robot: Any) -> Any:
+    """The value of an option `robot` as JSON, without files: a file may change, and no other machine has it."""
+    if is_list(robot):
+        return [_as_json(one) for one in robot]
+    if isinstance(robot, (str, PathLike)):
+        return robot if robot in ROBOTS else params_of(robot).to_dict()
     if isinstance(robot, Params):
         return robot.to_dict()
-    if isinstance(robot, Mapping):
-        return dict(robot)
-    return [_as_json(one) for one in robot] if is_list(robot) else robot
+    return dict(robot) if isinstance(robot, Mapping) else robot
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -418,7 +413,7 @@ class BatchEnv(BatchAttributes):
             check_count("num_threads", num_threads)
         check_room(options.get("robot"), num_envs)
         if "robot" in options:
-            options = {**options, "robot": _read(options["robot"])}
+            options = {**options, "robot": _as_json(options["robot"])}
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(
             num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=self._first_seed, options=options
