@@ -11,6 +11,7 @@ from ballbot_rs._short import number
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
 from ballbot_rs.envs.family import sample_robots
+from ballbot_rs.media.report import origin
 from ballbot_rs.training import config, run_folder
 from tests.support.killed_training import weights
 
@@ -57,6 +58,12 @@ def test_a_run_is_of_a_family_and_drives_other_robots(run):
     # Tools for one robot take the first.
     map_of_one = recovery_map.collect(str(run), rings=1, sectors=3, seconds=1.0, env_options={"events": None})
     assert map_of_one is not None
+
+
+def test_the_time_of_the_fit_is_recorded(run):
+    record = run_folder.read_record(run)
+    assert record["fit_seconds"] > 0.0
+    assert dict(origin.rows(record, run, "balance"))["fit to the teacher"].startswith("in ")
 
 
 def test_an_interrupted_refinement_continues_where_it_was(run, tmp_path, monkeypatch, capsys):

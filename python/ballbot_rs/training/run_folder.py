@@ -191,10 +191,18 @@ def write_record(folder: Path, record: Mapping[str, Any]) -> None:
 
 def add_time(folder: Path, timesteps: int, seconds: float) -> None:
     """Records when learning ended, the number of steps and the duration; a resumed run adds to the time."""
-    record = read_record(folder)
-    before = record.get("seconds", 0.0)
-    taken = (before if isinstance(before, float) else 0.0) + seconds
-    write_record(folder, {**record, "finished": now(), "timesteps": timesteps, "seconds": taken})
+    record = _with_more(read_record(folder), "seconds", seconds)
+    write_record(folder, {**record, "finished": now(), "timesteps": timesteps})
+
+
+def add_fit_time(folder: Path, seconds: float) -> None:
+    """Records the duration of a fit to a teacher or of its refinement, which is not in `seconds`."""
+    write_record(folder, _with_more(read_record(folder), "fit_seconds", seconds))
+
+
+def _with_more(record: Mapping[str, Any], name: str, seconds: float) -> dict[str, Any]:
+    before = record.get(name, 0.0)
+    return {**record, name: (before if isinstance(before, float) else 0.0) + seconds}
 
 
 def read_evaluations(folder: Path) -> Evaluations | None:

@@ -25,7 +25,7 @@ from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import teacher_sequences
 from ballbot_rs.training.config import Teacher
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
-from ballbot_rs.training.teacher_rounds import Floats, Round, rounds
+from ballbot_rs.training.teacher_rounds import Floats, rounds
 from ballbot_rs.training.tied import Ties
 
 #: Learning rate of the value function's fit; it is fast, as only the result matters.
@@ -134,11 +134,16 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int, ties: Ti
             own: Floats = _actions(model, torch.as_tensor(observations)).numpy()
         return own
 
-    visited: list[Round] = []
+    length = teacher.steps * environment.num_envs
+    # The states of all rounds, kept once: they take gigabytes.
+    shapes = (environment.observation_space.shape or (), (3,), ())
+    states = [torch.empty(teacher.rounds * length, *shape) for shape in shapes]
     errors = []
     for done, found in enumerate(rounds(environment, act, label, teacher, rng)):
-        visited.append(found)
-        errors.append(_regress(model, optimizer, visited, teacher, done))
+        end = (done + 1) * length
+        for rows, new in zip(states, (found.observations, found.labels, found.factors), strict=True):
+            rows[end - length : end] = torch.as_tensor(new).reshape(length, *rows.shape[1:])
+        errors.append(_regress(model, optimizer, [rows[:end] for rows in states], teacher, done))
     return errors
 
 
@@ -170,19 +175,23 @@ def _set(model: PPO, values: dict[str, Any]) -> None:
 def _regress(
     model: PPO,
     optimizer: torch.optim.Optimizer,
-    visited: list[Round],
+    states: list[torch.Tensor],
     teacher: Teacher,
     done: int,
 ) -> float:
     """Some epochs of least squares of weighted errors after `done` rounds.
 
+    Args:
+        model: whose actor is fitted.
+        optimizer: of the actor.
+        states: observations, the law's actions there, and the factors of the errors, of all states so far.
+        teacher: the settings.
+        done: rounds before the last one.
+
     Returns:
         The root mean square error in the last epoch.
     """
-    seen, targets, weights = (
-        torch.as_tensor(np.concatenate([step for one in visited for step in getattr(one, name)]))
-        for name in ("observations", "labels", "factors")
-    )
+    seen, targets, weights = states
     total = 0.0
     for epoch in range(epochs_of(teacher, done)):
         total = 0.0

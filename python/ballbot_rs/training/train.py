@@ -116,7 +116,9 @@ def train(
         run_folder.begin(folder, text, seed, overwrite=overwrite, versions=VERSIONS)
         keep_best = _keep_best(config, folder, seed, stops)
         if config.teacher is not None and law is not None:
+            began = time.perf_counter()
             teacher.fit(model, law, config.teacher, seed, tell, ties)
+            run_folder.add_fit_time(folder, time.perf_counter() - began)
             if trials is not None and ties is not None:
                 Checkpoints(folder / run_folder.FIT).keep(model, is_due=False)
                 _refine(model, trials, ties, seed, tell, folder)
@@ -233,8 +235,9 @@ def _refine(
     folder: Path,
 ) -> None:
     """Refines a fitted policy, from where an earlier process ended, and keeps it in the run in place of the fit."""
-    fit = folder / run_folder.FIT
+    fit, began = folder / run_folder.FIT, time.perf_counter()
     refinement.refine(model, trials, ties, seed, tell, fit / run_folder.OBJECTIVE)
+    run_folder.add_fit_time(folder, time.perf_counter() - began)
     Checkpoints(folder).keep(model)
     shutil.rmtree(fit, ignore_errors=True)
 

@@ -15,7 +15,9 @@ def rows(record: Mapping[str, Any], folder: Path, task: str) -> list[tuple[str, 
     """Names and texts of the entries of the record; records of earlier versions have fewer."""
     name = shlex.quote(folder.resolve().name)
     found = [(label, record.get(key)) for label, key in (("started", "started"), ("finished", "finished"))]
-    seconds, timesteps = record.get("seconds"), record.get("timesteps")
+    seconds, timesteps, fit = (record.get(key) for key in ("seconds", "timesteps", "fit_seconds"))
+    if isinstance(fit, float):
+        found.append(("fit to the teacher", f"in {_duration(fit)}"))
     if isinstance(seconds, float) and isinstance(timesteps, int) and seconds > 0.0:
         found.append(("learning", f"{timesteps} steps in {_duration(seconds)}, {timesteps / seconds:.0f} steps/s"))
     success = record.get("success")
