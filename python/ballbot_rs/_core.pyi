@@ -2289,8 +2289,10 @@ class Batch:
         """Metrics of the current episodes so far, shape (num_envs, metrics), as in infos: 0 before the first step of an
         episode and where `metrics` has NaN.
         """
-    def setpoint(self, index: int) -> dict[str, Any]:
-        """Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it."""
+    def setpoint(self, index: int | None = None) -> dict[str, Any]:
+        """Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it, or of all:
+        the first axis of each part is the environments.
+        """
     def command(self, index: int | None = None) -> _Array:
         """The current command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
         `TASKS[task]["command"]`.

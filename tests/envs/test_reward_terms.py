@@ -55,7 +55,7 @@ def velocity(batch, states, options):
 
 
 def distance_from_setpoint(batch, states, options):
-    point = np.array([batch.setpoint(i)["position"] for i in range(N)])
+    point = batch.setpoint()["position"]
     return bounded(squares(point - states[:, rows.BALL_POSITION][:, :2]), options["position_scale"])
 
 
@@ -104,9 +104,8 @@ class Water:
 
 
 def ride(batch, states, options):
-    setpoints = [batch.setpoint(i) for i in range(N)]
-    velocity = np.array([setpoint["velocity"] for setpoint in setpoints])
-    turned = np.array([setpoint["yaw"] for setpoint in setpoints])
+    setpoints = batch.setpoint()
+    velocity, turned = setpoints["velocity"], setpoints["yaw"]
     # The command is along the axes of its heading, which differs from the robot's.
     cos, sin = np.cos(turned), np.sin(turned)
     commanded = np.stack(
@@ -124,7 +123,7 @@ def ride(batch, states, options):
 
 
 def path(batch, states, options):
-    point = np.array([batch.setpoint(i)["position"] for i in range(N)])
+    point = batch.setpoint()["position"]
     squared = squares(point - states[:, rows.BALL_POSITION][:, :2])
     distance = np.sqrt(squared)
     return {"position": bounded(squared, options["position_scale"]), "distance": distance / (distance + 0.3)}
@@ -143,8 +142,8 @@ def standing(batch, states, options):
 
 
 def navigate(batch, states, _options):
-    setpoints = [batch.setpoint(i) for i in range(N)]
-    place, velocity = (np.array([setpoint[name] for setpoint in setpoints]) for name in ("position", "velocity"))
+    setpoints = batch.setpoint()
+    place, velocity = setpoints["position"], setpoints["velocity"]
     ball = states[:, rows.BALL_POSITION][:, :2]
     return {
         "guided_position": bounded(squares(place - ball), 0.1),

@@ -181,3 +181,11 @@ def test_a_regulator_does_the_task(task):
     for name, value in found.metrics.items():
         if value is not None:
             assert by_hand.metrics[name] == pytest.approx(value, rel=0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize("task", ALL)
+def test_setpoints_of_all_are_the_setpoints_of_each(task):
+    batch = bb.Batch(3, task, seed=4, num_threads=1)
+    batch.reset()
+    for part, rows in batch.setpoint().items():
+        np.testing.assert_array_equal(rows, [batch.setpoint(i)[part] for i in range(3)])

@@ -1,13 +1,13 @@
 //! `Renderer`.
 
-use crate::convert::{elements, vector};
 use crate::errors::{call, not_pickled, to_python};
-use crate::keywords::no_others;
-use crate::numbers::{count, optional_whole, real, whole};
-use crate::params::Robot;
+use crate::robot::params::Robot;
+use crate::robot::state::{PyContacts, PyState};
+use crate::robot::terrain::terrain as ground;
 use crate::signals::interruptible;
-use crate::state::{PyContacts, PyState};
-use crate::terrain::terrain as ground;
+use crate::values::convert::{elements, vector};
+use crate::values::keywords::no_others;
+use crate::values::numbers::{count, optional_whole, real, whole};
 use ballbot_core::render::{Arrow, Camera, Picture, Renderer, Scene, force_arrows, srgb};
 use ballbot_core::{Params, State, try_zeros};
 use numpy::{Element, PyArray1, PyArray3, PyArray4, PyArrayMethods};

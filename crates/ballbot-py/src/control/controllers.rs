@@ -1,12 +1,12 @@
 //! `Controller`, `Pid` and `Lqr`.
 
-use crate::convert::{array, elements, matrix, numbers, shaped};
 use crate::errors::{call, not_pickled, to_python};
 use crate::exclusive::Exclusive;
-use crate::keywords::unknown;
-use crate::numbers::{one_or_more, optional_real, real};
-use crate::params::Robot;
-use crate::state::PyState;
+use crate::robot::params::Robot;
+use crate::robot::state::PyState;
+use crate::values::convert::{array, elements, matrix, numbers, shaped};
+use crate::values::keywords::unknown;
+use crate::values::numbers::{one_or_more, optional_real, real};
 use ballbot_core::batch::Design;
 use ballbot_core::control::{
     Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,

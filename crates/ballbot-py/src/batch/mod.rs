@@ -1,27 +1,36 @@
 //! `Batch`: the environments behind every Python front end.
 
-use crate::control::{controller_of, setpoints};
-use crate::convert::{
+pub(crate) mod events;
+pub(crate) mod infos;
+pub(crate) mod networks;
+pub(crate) mod options;
+pub(crate) mod perception;
+pub(crate) mod rollout;
+pub(crate) mod stage;
+pub(crate) mod tasks;
+
+use crate::batch::events::draws;
+use crate::batch::infos::StepInfos;
+use crate::batch::networks::networks;
+use crate::batch::options::{configure, history_object, resolved};
+use crate::batch::perception::perceived;
+use crate::batch::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
+use crate::batch::stage::PyStage;
+use crate::control::controllers::{controller_of, setpoints};
+use crate::dynamics::jacobian::{self, PyJacobians};
+use crate::errors::{call, not_pickled, to_python};
+use crate::exclusive::Exclusive;
+use crate::robot::params::{PyParams, Robot, several};
+use crate::robot::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
+use crate::robot::sensors::readings;
+use crate::robot::state::{PyContacts, PyState};
+use crate::robot::terrain::PyTerrain;
+use crate::signals::interruptible;
+use crate::values::convert::{
     OPTION_COUNT, elements, finite_elements, objects, optional_vector, outside_force, read_elements, shaped, vector,
 };
-use crate::errors::{call, not_pickled, to_python};
-use crate::events::draws;
-use crate::exclusive::Exclusive;
-use crate::fields::field_dict;
-use crate::infos::StepInfos;
-use crate::jacobian::{self, PyJacobians};
-use crate::networks::networks;
-use crate::numbers::{count, index, optional_index, optional_real, optional_whole, real, seed, seeds, whole};
-use crate::options::{configure, history_object, resolved};
-use crate::params::{PyParams, Robot, several};
-use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
-use crate::perception::perceived;
-use crate::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
-use crate::sensors::readings;
-use crate::signals::interruptible;
-use crate::stage::PyStage;
-use crate::state::{PyContacts, PyState};
-use crate::terrain::PyTerrain;
+use crate::values::fields::field_dict;
+use crate::values::numbers::{count, index, optional_index, optional_real, optional_whole, real, seed, seeds, whole};
 use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
@@ -603,14 +612,31 @@ impl PyBatch {
         self.or_raised(inner.batch.set_command(index, &command).map_err(to_python))
     }
 
-    /// Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it.
+    /// Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it, or of all:
+    /// the first axis of each part is the environments.
+    #[pyo3(signature = (index=None))]
     fn setpoint<'py>(
         &self,
         py: Python<'py>,
-        #[pyo3(from_py_with = index)] index: usize,
+        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let setpoint = self.inner.write()?.batch.setpoint(index).map_err(to_python)?;
+        let batch = &mut self.inner.write()?.batch;
         let dict = PyDict::new(py);
+        let Some(index) = index else {
+            let setpoints: Vec<_> =
+                (0..batch.len()).map(|i| batch.setpoint(i).map_err(to_python)).collect::<PyResult<_>>()?;
+            for name in MOTION_PARTS {
+                let values: Vec<_> = setpoints.iter().flat_map(|setpoint| setpoint.part(name)).copied().collect();
+                let width = values.len() / setpoints.len();
+                let array = PyArray1::from_vec(py, values);
+                match width {
+                    1 => dict.set_item(name, array)?,
+                    _ => dict.set_item(name, array.reshape([setpoints.len(), width])?)?,
+                }
+            }
+            return Ok(dict);
+        };
+        let setpoint = batch.setpoint(index).map_err(to_python)?;
         for name in MOTION_PARTS {
             match setpoint.part(name) {
                 [number] => dict.set_item(name, number)?,

@@ -1,10 +1,10 @@
 //! Sensors of environments, from Python, and their readings.
 
-use crate::control::constants_dict;
+use crate::control::controllers::constants_dict;
 use crate::errors::{call, to_python};
-use crate::fields::{Door, load, option};
-use crate::numbers::real;
-use crate::params::Robot;
+use crate::robot::params::Robot;
+use crate::values::fields::{Door, load, option};
+use crate::values::numbers::real;
 use ballbot_core::batch::Batch;
 use ballbot_core::sensor::{Onboard, SensorOptions};
 use numpy::{PyArray1, PyArrayMethods};

@@ -1,16 +1,18 @@
 //! `Crowd`.
 
-use crate::convert::{OPTION_COUNT, elements, finite_elements, objects, optional_vector, outside_force, vector};
+use crate::dynamics::jacobian::torques_of_shape;
 use crate::errors::{InvalidInputError, call};
 use crate::exclusive::Exclusive;
-use crate::jacobian::torques_of_shape;
-use crate::keywords::no_others;
-use crate::numbers::{count, optional_real, real, whole};
-use crate::params::{PyParams, Robot};
-use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
+use crate::robot::params::{PyParams, Robot};
+use crate::robot::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
+use crate::robot::state::{PyContacts, PyState};
+use crate::robot::terrain::{PyTerrain, terrain as ground};
 use crate::signals::interruptible;
-use crate::state::{PyContacts, PyState};
-use crate::terrain::{PyTerrain, terrain as ground};
+use crate::values::convert::{
+    OPTION_COUNT, elements, finite_elements, objects, optional_vector, outside_force, vector,
+};
+use crate::values::keywords::no_others;
+use crate::values::numbers::{count, optional_real, real, whole};
 use ballbot_core::{Crowd, PAYLOADS, Params, State, sim::Between};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;

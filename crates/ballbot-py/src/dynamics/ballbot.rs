@@ -1,16 +1,16 @@
 //! `Ballbot`.
 
-use crate::convert::{finite_elements, numbers, optional_vector, outside_force, vector};
+use crate::dynamics::jacobian::{self, PyJacobian, PyMotionJacobians};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
-use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
-use crate::keywords::no_others;
-use crate::numbers::{count, optional_real, real, whole};
-use crate::params::{PyParams, Robot};
-use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
+use crate::robot::params::{PyParams, Robot};
+use crate::robot::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
+use crate::robot::state::{PyContacts, PyState, tilt_of};
+use crate::robot::terrain::{PyTerrain, terrain as ground};
 use crate::signals::interruptible;
-use crate::state::{PyContacts, PyState, tilt_of};
-use crate::terrain::{PyTerrain, terrain as ground};
+use crate::values::convert::{finite_elements, numbers, optional_vector, outside_force, vector};
+use crate::values::keywords::no_others;
+use crate::values::numbers::{count, optional_real, real, whole};
 use ballbot_core::{Ballbot, PAYLOADS};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;

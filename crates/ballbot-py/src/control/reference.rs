@@ -1,11 +1,11 @@
 //! `Reference`.
 
-use crate::control::PyController;
-use crate::convert::{ANY_COUNT, OPTION_COUNT, array, elements, finite_elements, matrix, numbers, objects};
+use crate::control::controllers::PyController;
 use crate::errors::{call, to_python};
-use crate::keywords::unknown;
-use crate::numbers::{optional_real, real};
-use crate::params::{PyParams, Robot};
+use crate::robot::params::{PyParams, Robot};
+use crate::values::convert::{ANY_COUNT, OPTION_COUNT, array, elements, finite_elements, matrix, numbers, objects};
+use crate::values::keywords::unknown;
+use crate::values::numbers::{optional_real, real};
 use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
 use ballbot_core::{Error, Params, Result, require_memory};
 use nalgebra::DMatrix;

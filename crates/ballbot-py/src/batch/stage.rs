@@ -1,6 +1,6 @@
 //! Stages of a batch that are Python objects: custom tasks, and custom terms of tasks of the core.
 
-use crate::convert::{elements, finite_elements};
+use crate::values::convert::{elements, finite_elements};
 use ballbot_core::batch::{BatchStage, CustomStage, RobotRows, StageLayout, StageResults};
 use ballbot_core::task::{Row, Term};
 use ballbot_core::{Error, Result};

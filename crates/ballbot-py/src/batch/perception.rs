@@ -1,7 +1,7 @@
 //! Instruments that observe the ground, and levels of terrains, from and to Python.
 
 use crate::errors::to_python;
-use crate::fields::{dict_of, named_numbers};
+use crate::values::fields::{dict_of, named_numbers};
 use ballbot_core::batch::{Batch, Levels};
 use ballbot_core::perception::{AnyInstrument, Instruments, instrument_kind, instrument_kinds};
 use numpy::{PyArray1, PyArrayMethods};

@@ -1,13 +1,13 @@
 //! `Estimator`.
 
-use crate::convert::{array, matrix, vector};
 use crate::errors::{InvalidInputError, call};
 use crate::exclusive::Exclusive;
-use crate::keywords::no_others;
-use crate::numbers::real;
-use crate::params::Robot;
-use crate::sensors::{PARTS, options};
-use crate::state::PyState;
+use crate::robot::params::Robot;
+use crate::robot::sensors::{PARTS, options};
+use crate::robot::state::PyState;
+use crate::values::convert::{array, matrix, vector};
+use crate::values::keywords::no_others;
+use crate::values::numbers::real;
 use ballbot_core::sensor::Readings;
 use ballbot_core::sensor::estimator::{Estimate, Tracker};
 use ballbot_core::{Wheels, one_of};

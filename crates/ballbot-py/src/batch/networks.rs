@@ -1,10 +1,10 @@
 //! Networks of robots from arrays.
 
-use crate::control::PyController;
-use crate::convert::{ANY_COUNT, objects, read_elements};
+use crate::control::controllers::PyController;
 use crate::errors::to_python;
-use crate::numbers::one_or_more;
-use crate::params::Robot;
+use crate::robot::params::Robot;
+use crate::values::convert::{ANY_COUNT, objects, read_elements};
+use crate::values::numbers::one_or_more;
 use ballbot_core::batch::{Layer, Networks};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyTypeError;
@@ -92,7 +92,7 @@ pub(crate) fn _policy_controller(
 ) -> PyResult<PyController> {
     let numbers = read("layers", layers, Some(1))?;
     let cells = cells.map_or_else(|| Ok(Vec::new()), |cells| read("cells", cells, Some(1)))?;
-    let history = crate::options::history(history)?;
+    let history = crate::batch::options::history(history)?;
     let mut values = Vec::new();
     for (name, value) in options {
         let name: String = name.extract()?;

@@ -1,11 +1,11 @@
 //! The closed-form models and the torque maps.
 
-use crate::convert::{array, matrix, numbers, shaped, vector};
 use crate::errors::{InvalidInputError, not_pickled, to_python};
-use crate::keywords::no_others;
-use crate::numbers::real;
-use crate::params::Robot;
-use crate::state::PyContacts;
+use crate::robot::params::Robot;
+use crate::robot::state::PyContacts;
+use crate::values::convert::{array, matrix, numbers, shaped, vector};
+use crate::values::keywords::no_others;
+use crate::values::numbers::real;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
 use ballbot_core::{Wheels, check_bounded, unit_quaternion};

@@ -1,7 +1,7 @@
 //! Payloads from Python and to Python.
 
 use crate::errors::InvalidInputError;
-use crate::numbers::whole;
+use crate::values::numbers::whole;
 use ballbot_core::{Deflection, PAYLOADS};
 use pyo3::prelude::*;
 

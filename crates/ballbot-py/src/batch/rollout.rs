@@ -1,11 +1,11 @@
 //! A closed loop on a batch, recorded without Python in the loop.
 
-use crate::control::{PyController, setpoints};
-use crate::convert::names;
+use crate::batch::events::draw_records;
+use crate::control::controllers::{PyController, setpoints};
+use crate::control::reference::References;
 use crate::errors::to_python;
-use crate::events::draw_records;
-use crate::reference::References;
 use crate::signals::interruptible;
+use crate::values::convert::names;
 use ballbot_core::batch::{Batch, Networks, Outcome, StepBuffers, Under};
 use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;

@@ -1,8 +1,8 @@
 //! `Jacobian` and `Jacobians`.
 
-use crate::convert::{ANY_COUNT, dimensions, elements, finite_elements, matrix, names};
 use crate::errors::{not_pickled, to_python};
-use crate::state::{PyContacts, PyState};
+use crate::robot::state::{PyContacts, PyState};
+use crate::values::convert::{ANY_COUNT, dimensions, elements, finite_elements, matrix, names};
 use ballbot_core::fields::Fields;
 use ballbot_core::gradients::{Coordinates, FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names};
 use ballbot_core::{Params, WHEELS, Wheels, try_zeros};

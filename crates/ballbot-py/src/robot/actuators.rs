@@ -1,7 +1,7 @@
 //! Motors of environments, from Python.
 
 use crate::errors::call;
-use crate::fields::{Door, load};
+use crate::values::fields::{Door, load};
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::urdf;
 use pyo3::prelude::*;

@@ -1,7 +1,7 @@
 //! Events of a task's environments, from and to Python.
 
 use crate::errors::{call, to_python};
-use crate::numbers::real;
+use crate::values::numbers::real;
 use ballbot_core::batch::{Batch, Event, Value, event_sets, load_events as load};
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArray};
 use pyo3::exceptions::PyTypeError;

@@ -1,7 +1,7 @@
 //! Single numbers from Python.
 
-use crate::convert::{OPTION_COUNT, elements, objects, shaped};
 use crate::errors::InvalidInputError;
+use crate::values::convert::{OPTION_COUNT, elements, objects, shaped};
 use numpy::PyUntypedArray;
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;

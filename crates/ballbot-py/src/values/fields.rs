@@ -1,8 +1,8 @@
 //! Options that are structs of named numbers, from and to Python.
 
 use crate::errors::{call, to_python};
-use crate::numbers::one_or_more;
-use crate::params::toml_path;
+use crate::robot::params::toml_path;
+use crate::values::numbers::one_or_more;
 use ballbot_core::fields::Fields;
 use ballbot_core::options::PublishedOptions;
 use pyo3::exceptions::PyTypeError;

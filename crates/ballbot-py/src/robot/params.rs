@@ -1,8 +1,8 @@
 //! `Params`.
 
 use crate::errors::{InvalidInputError, call, to_python};
-use crate::numbers::{one_or_more, real};
-use crate::payloads::payload_index;
+use crate::robot::payloads::payload_index;
+use crate::values::numbers::{one_or_more, real};
 use ballbot_core::fields::{Fields, describe_options};
 use ballbot_core::models::Scale;
 use ballbot_core::{Error, Params, check_finite, urdf};

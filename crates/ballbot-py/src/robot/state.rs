@@ -1,11 +1,11 @@
 //! `State` and `Contacts`.
 
-use crate::convert::{array, numbers, vector, vector_or};
 use crate::errors::{call, to_python};
-use crate::keywords::no_others;
-use crate::numbers::real;
-use crate::params::{PyParams, Robot};
-use crate::short;
+use crate::robot::params::{PyParams, Robot};
+use crate::values::convert::{array, numbers, vector, vector_or};
+use crate::values::keywords::no_others;
+use crate::values::numbers::real;
+use crate::values::short;
 use ballbot_core::{Contacts, Error, Params, State, Wheels, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use numpy::PyArray1;
@@ -331,7 +331,7 @@ pub(crate) fn _contacts_of(
     touches: (bool, bool),
     steps: (u64, u64),
 ) -> PyResult<PyContacts> {
-    let n = crate::convert::numbers::<20>("numbers", numbers)?;
+    let n = crate::values::convert::numbers::<20>("numbers", numbers)?;
     let three = |first: usize| [n[first], n[first + 1], n[first + 2]];
     let contacts = Contacts {
         wheel_normal_forces: Wheels(three(0)),

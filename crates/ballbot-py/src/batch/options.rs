@@ -1,13 +1,13 @@
 //! Options of a task and of its environments, from and to Python.
 
+use crate::batch::events::{events, to_list};
+use crate::batch::perception::{instrument, levels, levels_object, set_instruments};
 use crate::errors::to_python;
-use crate::events::{events, to_list};
-use crate::fields::{option, optional_dict};
-use crate::keywords::unknown;
-use crate::numbers::one_or_more;
-use crate::params::Robot;
-use crate::perception::{instrument, levels, levels_object, set_instruments};
-use crate::terrain::{terrain, terrain_object};
+use crate::robot::params::Robot;
+use crate::robot::terrain::{terrain, terrain_object};
+use crate::values::fields::{option, optional_dict};
+use crate::values::keywords::unknown;
+use crate::values::numbers::one_or_more;
 use ballbot_core::batch::{History, SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
 use ballbot_core::fields::OptionDescription;
 use ballbot_core::perception::instrument_kind;

@@ -1,8 +1,8 @@
 //! `Terrain`.
 
-use crate::convert::{ANY_COUNT, elements, numbers, read_elements, shaped};
 use crate::errors::{call, to_python};
-use crate::numbers::{count, real, whole};
+use crate::values::convert::{ANY_COUNT, elements, numbers, read_elements, shaped};
+use crate::values::numbers::{count, real, whole};
 use ballbot_core::fields::OptionDescription;
 use ballbot_core::terrain::{MOST_NODES, Obstacle, Terrain, TerrainKind};
 use ballbot_core::{check_bounded, require_memory, try_reserve};
