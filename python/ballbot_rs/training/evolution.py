@@ -303,15 +303,20 @@ class Evolution:
         robots = self._robots(population)
         episode, trial = robots.max_episode_steps, self._first_trial(robots)
         end, due = self.timesteps + (settings.search_steps << search), 0
+        hardest: list[int] = []
         while self.timesteps < end and not optimizer.should_stop():
             candidates = np.array([optimizer.ask() for _ in range(population)])
             seeds = first_seed(self._seed) + rng.integers(EVALUATION_SEEDS, size=starts)
+            seeds[: len(hardest)] = hardest
             robots.reset(seeds=np.tile(seeds, population).tolist())
             found = robots.episodes(self._space.network(np.repeat(candidates, starts, axis=0)), trial)
             self.timesteps += int(found["lengths"].sum())
             costs = -found["returns"].reshape(population, starts).mean(axis=1)
             costs += settings.decay * trial * np.square(candidates).mean(axis=1)
             optimizer.tell(list(zip(candidates, costs.tolist(), strict=True)))
+            falls = found["terminated"].reshape(population, starts).sum(axis=0)
+            # Few random starts come close to a fall: a start that does is kept until no policy falls from it.
+            hardest = [int(seeds[falls.argmax()])] if trial == episode and falls.any() else []
             surviving = 1.0 - found["terminated"].mean()
             if surviving >= 0.5:
                 trial = min(round(1.5 * trial) + 1, episode)
