@@ -15,7 +15,8 @@ import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.envs.own import registry
 from ballbot_rs.training import config, teacher, teacher_errors, train
-from ballbot_rs.training.teacher_rounds import Round, rounds
+from ballbot_rs.training.seeds import first_seed
+from ballbot_rs.training.teacher_rounds import rounds
 from tests.support.killed_training import weights
 from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
@@ -205,8 +206,8 @@ class TestFit:
         seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
         labels = np.where(np.arange(32)[:, None] % 16 < 8, 0.5, -0.5).repeat(3, axis=1).astype(np.float32)
         optimizer = torch.optim.Adam(teacher._actor(model), lr=2e-2)
-        found = Round(seen[None], labels[None], factors[None], np.ones((1, 32), dtype=bool))
-        teacher._regress(model, optimizer, [found], settings, 0)
+        states = [torch.as_tensor(rows) for rows in (seen, labels, factors)]
+        teacher._regress(model, optimizer, states, settings, 0)
         expected = 0.5 * (paper - rezero) / (paper + rezero)
         np.testing.assert_allclose(model.predict(seen[0], deterministic=True)[0], expected, atol=1e-3)
 
@@ -228,14 +229,12 @@ class TestFit:
         settings = dataclasses.replace(FIT, epochs=1, saturates=saturates)
         for label, bias, is_equal in ((1.0, 2.0, True), (1.0, -2.0, False), (0.9, 2.0, False), (1.0, 0.5, False)):
             model = new_model()
-            seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
+            states = [torch.zeros(32, *model.observation_space.shape), torch.full((32, 3), label), torch.ones(32)]
             with torch.no_grad():
                 model.policy.action_net.bias.fill_(bias)
             before = of_actor(model)
             optimizer = torch.optim.Adam(teacher._actor(model))
-            labels = np.full((1, 32, 3), label, dtype=np.float32)
-            ones = np.ones((1, 32), dtype=np.float32)
-            error = teacher._regress(model, optimizer, [Round(seen[None], labels, ones, ones)], settings, 0)
+            error = teacher._regress(model, optimizer, states, settings, 0)
             assert all(shares(before, of_actor(model))) == (saturates and is_equal)
             assert (error == 0.0) == (saturates and is_equal)
 
@@ -284,9 +283,13 @@ class TestFit:
     def test_of_several_controllers_the_best_is_chosen(self):
         several = dataclasses.replace(FIT, controller=["sliding_mode", "lqr"], options={"lqr": {"torque": 0.3}})
         messages = []
-        for seed in (0, 500):
-            law = teacher.best_law(new_model(max_episode_steps=200), several, seed, messages.append)
+        for seed in (0, 1):
+            model = new_model(max_episode_steps=200)
+            law = teacher.best_law(model, several, seed, messages.append)
             assert law.name == "lqr"
+            # The run begins as without a choice: with robots that no other seed has.
+            begins = bb.BallbotVecEnv(32, model="spatial", seed=first_seed(seed)).reset()
+            np.testing.assert_array_equal(model.get_env().reset(), begins)
         assert messages[0] != messages[1]
         first = [float(text.rpartition(" ")[2]) for text in messages[0].removeprefix("mean returns: ").split(", ")]
         assert messages[0].startswith("mean returns: sliding_mode ")

@@ -24,6 +24,7 @@ from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import teacher_sequences
 from ballbot_rs.training.config import Teacher
+from ballbot_rs.training.seeds import first_seed
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
 from ballbot_rs.training.teacher_rounds import Floats, rounds
 from ballbot_rs.training.tied import Ties
@@ -86,6 +87,7 @@ def best_law(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[
     if len(laws) == 1:
         return laws[0]
     returns = [_mean_return(model, law, teacher, seed) for law in laws]
+    _begin_anew(model, seed)
     tell("mean returns: " + ", ".join(f"{law.name} {mean:.4g}" for law, mean in zip(laws, returns, strict=True)))
     return laws[int(np.argmax(returns))]
 
@@ -94,7 +96,7 @@ def _mean_return(model: BaseAlgorithm, law: Controller, teacher: Teacher, seed: 
     """Mean return of a law in the first episode of each environment, of the first steps if it is longer."""
     environment, batch = model.get_env(), _batch(model)
     assert environment is not None
-    environment.unwrapped.seed(seed)
+    _begin_anew(model, seed)
     environment.reset()
     returns, running = np.zeros(environment.num_envs), np.ones(environment.num_envs, dtype=bool)
     for _ in range(min(batch.max_episode_steps, RANKED_STEPS)):
@@ -104,6 +106,13 @@ def _mean_return(model: BaseAlgorithm, law: Controller, teacher: Teacher, seed: 
         if not running.any():
             break
     return float(returns.mean())
+
+
+def _begin_anew(model: BaseAlgorithm, seed: int) -> None:
+    """Gives the environments the seeds with which a run begins."""
+    environment = model.get_env()
+    assert environment is not None
+    environment.unwrapped.seed(first_seed(seed))
 
 
 def _actions_of(law: Controller, batch: Batch, teacher: Teacher) -> npt.NDArray[np.float32]:
@@ -208,12 +217,8 @@ def _regress(
 
 def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:
     """The task's setpoint for the law on each robot, with the robot's own heading: no task observes the heading."""
-    setpoints = [batch.setpoint(robot) for robot in range(batch.num_envs)]
-    parts = {
-        part: np.array([setpoint[part] for setpoint in setpoints])
-        for part in law.setpoint_parts
-        if part in setpoints[0]
-    }
+    setpoints = batch.setpoint()
+    parts = {part: setpoints[part] for part in law.setpoint_parts if part in setpoints}
     states = batch.states()
     w, _, _, z = states[:, BODY_QUATERNION].T
     yaw = 2.0 * np.arctan2(z, w)
