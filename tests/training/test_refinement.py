@@ -215,6 +215,10 @@ def test_a_fit_stays_if_evolution_does_worse(fitted, monkeypatch):
             r"refinement\.episodes\[1\]: .*tlt",
         ),
         ({"refinement": config.Refinement([{"family": {}}])}, r"refinement\.robots\[0\]: robot\.family = {}"),
+        (
+            {"refinement": config.Refinement([{"family": 10_001}])},
+            r"refinement\.robots\[0\]: robot\.family = 10001 is out of range: it must be at most 10000",
+        ),
         ({"policy": {"net_arch": {"vf": [8]}}}, r"policy\.net_arch = "),
         (
             {"refinement": config.Refinement([ONE], episodes=[{"history": 3}])},

@@ -50,6 +50,9 @@ FRACTIONS: Final = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 #: Time in which a robot recovers or falls, s.
 SECONDS: Final = 2.6
 
+#: Most robots of a family.
+MOST: Final = 10_000
+
 #: The law's limits are searched up to these multiples of the holdable lean and the capture impulse.
 _MOST: Final = 1.6
 #: Passes of the search; each divides an interval by the number of fractions.
@@ -385,7 +388,10 @@ class Trials:
 def _sampled(i: int, spec: Mapping[str, Any]) -> list[Params]:
     """The robots of family `i` of the settings."""
     try:
-        return robots_of(spec, SAME_ROBOT * number_of(spec))
+        count = number_of(spec)
+        if count > MOST:
+            raise ValueError(f"robot.family = {count} is out of range: it must be at most {MOST}")
+        return robots_of(spec, SAME_ROBOT * count)
     except (TypeError, ValueError) as error:
         raise ValueError(f"refinement.robots[{i}]: {error}") from error
 

@@ -33,6 +33,9 @@ from ballbot_rs.training.tied import Ties
 VALUE_RATE = 1e-3
 VALUE_EPOCHS = 10
 
+#: Most numbers of all observations that a fit keeps; they take 4.3 GB.
+MOST_NUMBERS = 2**30
+
 #: Most steps of an episode whose return ranks the laws.
 RANKED_STEPS = 1000
 
@@ -59,6 +62,20 @@ def fit(
     errors = fit_actor(learner, law, teacher, seed, ties)
     tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
     fit_value(learner, teacher.value_rollouts)
+
+
+def check_size(teacher: Teacher, num_envs: int, width: int) -> None:
+    """Checks that the observations of a fit, of `width` numbers each, have room in the memory.
+
+    Raises:
+        ValueError: they are too many.
+    """
+    states = teacher.rounds * teacher.steps * num_envs
+    if states * width > MOST_NUMBERS:
+        raise ValueError(
+            f"teacher.rounds * teacher.steps * num_envs = {states} is out of range: it must be at most "
+            f"{MOST_NUMBERS // width} for observations of {width} numbers"
+        )
 
 
 def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:

@@ -305,7 +305,10 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
             arguments[name] = _linear(
                 float(config.algorithm_arguments[name]), config.total_timesteps, config.most_timesteps
             )
-        policy_size.check(config.policy, observation_width(task_of(config.env_id), config.env), config.algorithm)
+        width = observation_width(task_of(config.env_id), config.env)
+        policy_size.check(config.policy, width, config.algorithm)
+        if config.teacher is not None:
+            teacher.check_size(config.teacher, config.num_envs, width)
         if config.algorithm == policy_size.RECURRENT:
             with require(f"algorithm = {config.algorithm}", "train"):
                 importlib.import_module("sb3_contrib")
