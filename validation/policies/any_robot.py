@@ -79,9 +79,9 @@ command that turns. The last table is of the task `velocity` with its defaults a
 designed for the nominal robot.
 
 Trainings differ: with seed 1 the policy withstands 84 % (paper), 61 % (asroballet), 59 % (kugle) and 93 % (rezero) of
-the law's pushes, recovers from 90 to 98 % of its tilts, and is in place in 98.1 % of the episodes of the family, in
-100 % of those of each robot, and under `wide` in 98.5, 96.5, 99.8 and 55.5 %. Robots that fall at such pushes catch
-them, then rock more and more, and fall five to fifteen seconds later, after the trials of the refinement have ended.
+the law's pushes and recovers from 90 to 98 % of its tilts. It is in place in 98.1 % of the episodes of the family and
+in all episodes of the four robots; under `wide` in 98.5, 96.5, 99.8 and 55.5 %. Kugle and asroballet catch the pushes
+at which they fall, then rock more and more, and fall five to fifteen seconds later: after the trials of the refinement.
 `python -m validation.policies.any_seeds` trains five seeds and compares them.
 """
 
