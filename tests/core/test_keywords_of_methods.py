@@ -320,7 +320,7 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     **{
         f"Batch.{name}": (_of_one(name), {}, {"index": 1})
         for name in ("actuators", "contacts", "draws", "metrics", "params", "push_count", "readings",
-                     "reward_terms", "sensors", "command", "privileged_observations")
+                     "reward_terms", "sensors", "command", "privileged_observations", "setpoint")
     },
     "Batch.nominal_params": (
         # Eight neighbors have the same robot.
