@@ -24,7 +24,7 @@ from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import teacher_sequences
 from ballbot_rs.training.config import Teacher
-from ballbot_rs.training.seeds import first_seed
+from ballbot_rs.training.seeds import first_seed, seed_environments
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
 from ballbot_rs.training.teacher_rounds import Floats, rounds
 from ballbot_rs.training.tied import Ties
@@ -104,7 +104,8 @@ def best_law(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[
     if len(laws) == 1:
         return laws[0]
     returns = [_mean_return(model, law, teacher, seed) for law in laws]
-    _begin_anew(model, seed)
+    # The run begins as without the ranking.
+    seed_environments(model, first_seed(seed))
     tell("mean returns: " + ", ".join(f"{law.name} {mean:.4g}" for law, mean in zip(laws, returns, strict=True)))
     return laws[int(np.argmax(returns))]
 
@@ -113,7 +114,7 @@ def _mean_return(model: BaseAlgorithm, law: Controller, teacher: Teacher, seed: 
     """Mean return of a law in the first episode of each environment, of the first steps if it is longer."""
     environment, batch = model.get_env(), _batch(model)
     assert environment is not None
-    _begin_anew(model, seed)
+    seed_environments(model, first_seed(seed))
     environment.reset()
     returns, running = np.zeros(environment.num_envs), np.ones(environment.num_envs, dtype=bool)
     for _ in range(min(batch.max_episode_steps, RANKED_STEPS)):
@@ -123,13 +124,6 @@ def _mean_return(model: BaseAlgorithm, law: Controller, teacher: Teacher, seed: 
         if not running.any():
             break
     return float(returns.mean())
-
-
-def _begin_anew(model: BaseAlgorithm, seed: int) -> None:
-    """Gives the environments the seeds with which a run begins."""
-    environment = model.get_env()
-    assert environment is not None
-    environment.unwrapped.seed(first_seed(seed))
 
 
 def _actions_of(law: Controller, batch: Batch, teacher: Teacher) -> npt.NDArray[np.float32]:

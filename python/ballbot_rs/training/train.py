@@ -31,7 +31,7 @@ from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, K
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.scaled_rewards import ScaledRewards
-from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed
+from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed, seed_environments
 
 VERSIONS: Final = {
     "gymnasium": gymnasium.__version__,
@@ -207,7 +207,7 @@ def _resume(
         # The start of the run used the first random numbers: continue with others.
         model.set_random_seed(seed + model.num_timesteps)
         model._last_obs = None
-        _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
+        seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
     if trials is not None and ties is not None:
         _refine(model, trials, ties, seed, tell, folder)
     if is_fitted or not continues:
@@ -271,12 +271,6 @@ def _environment(config: TrainConfig) -> VecEnv:
     return environment if config.reward_scale == 1.0 else ScaledRewards(environment, config.reward_scale)
 
 
-def _seed_environments(model: BaseAlgorithm, seed: int) -> None:
-    environment = model.get_env()
-    if environment is not None:
-        environment.seed(seed)
-
-
 def _linear(initial: float, total: int, most: int) -> Callable[[float], float]:
     """A value that falls to zero within `total` steps, and again within as many if the run continues to `most`."""
 
@@ -324,7 +318,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     except (TypeError, AssertionError, RuntimeError, MemoryError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     # The learner has seeded the environments with its own seed.
-    _seed_environments(model, first_seed(seed))
+    seed_environments(model, first_seed(seed))
     (options,) = environment.get_attr("task_options", [0])
     setattr(model, METADATA, metadata(task_of(config.env_id), config.algorithm, options))
     return model
