@@ -26,6 +26,13 @@ ENTRY: Final = "run_state.npz"
 State = Mapping[str, npt.NDArray[Any]]
 
 
+def seed_environments(model: BaseAlgorithm, seed: int) -> None:
+    """Gives a model's environments seeds from `seed` on, from their next reset."""
+    environment = model.get_env()
+    if environment is not None:
+        environment.seed(seed)
+
+
 def taken(model: BaseAlgorithm, is_due: bool) -> bytes | None:
     """The state of a model between two rollouts; None for tasks and functions in Python that have a memory.
 

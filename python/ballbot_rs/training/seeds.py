@@ -1,9 +1,6 @@
 """Seeds of environments: each run has its own range, evaluations use its end, `compare` stays below all of them."""
 
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from stable_baselines3.common.base_class import BaseAlgorithm
+from typing import Final
 
 SEEDS_PER_RUN: Final = 10_000_000
 EVALUATION_SEEDS: Final = 9_000_000
@@ -14,10 +11,3 @@ JUDGED: Final = 100
 def first_seed(seed: int) -> int:
     """The first seed of a run's environments."""
     return SEEDS_PER_RUN * (seed + 1)
-
-
-def seed_environments(model: "BaseAlgorithm", seed: int) -> None:
-    """Gives a model's environments seeds from `seed` on, from their next reset."""
-    environment = model.get_env()
-    if environment is not None:
-        environment.seed(seed)

@@ -24,7 +24,8 @@ from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import teacher_sequences
 from ballbot_rs.training.config import Teacher
-from ballbot_rs.training.seeds import first_seed, seed_environments
+from ballbot_rs.training.run_state import seed_environments
+from ballbot_rs.training.seeds import first_seed
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
 from ballbot_rs.training.teacher_rounds import Floats, rounds
 from ballbot_rs.training.tied import Ties

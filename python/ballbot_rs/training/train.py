@@ -31,7 +31,7 @@ from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, K
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.scaled_rewards import ScaledRewards
-from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed, seed_environments
+from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed
 
 VERSIONS: Final = {
     "gymnasium": gymnasium.__version__,
@@ -207,7 +207,7 @@ def _resume(
         # The start of the run used the first random numbers: continue with others.
         model.set_random_seed(seed + model.num_timesteps)
         model._last_obs = None
-        seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
+        run_state.seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
     if trials is not None and ties is not None:
         _refine(model, trials, ties, seed, tell, folder)
     if is_fitted or not continues:
@@ -318,7 +318,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     except (TypeError, AssertionError, RuntimeError, MemoryError) as error:
         raise ValueError(f"the configuration does not fit {config.algorithm}: {error}") from error
     # The learner has seeded the environments with its own seed.
-    seed_environments(model, first_seed(seed))
+    run_state.seed_environments(model, first_seed(seed))
     (options,) = environment.get_attr("task_options", [0])
     setattr(model, METADATA, metadata(task_of(config.env_id), config.algorithm, options))
     return model
