@@ -182,16 +182,18 @@ def test_scaled_observations_have_gains_of_the_robot():
     plain, scaled = (new_batch(1, options={"robot": "kugle", "scale_by_robot": on}) for on in (False, True))
     robot = bb.Params.preset("kugle")
     factors = plain.observation_gains / scaled.observation_gains
-    # A motion is as large as the lean that starts it.
-    lean = robot.scale("rad")
+    # A motion is as large as the lean that starts it: here the lean that the motors leave, in proportion to the torque.
+    lean = robot.max_wheel_torque / (0.4 * robot.scale("N·m"))
+    assert lean < 0.8 * robot.scale("rad")
     np.testing.assert_allclose(factors[:3], lean)
     np.testing.assert_allclose(factors[3:6], lean * robot.scale("rad/s"))
+    # Its velocity follows from the acceleration that the lean gives.
+    per_lean = [bb.Scale.of(one).acceleration_per_lean for one in ("paper", robot)]
+    motion = lean * per_lean[1] / per_lean[0]
     wheels = robot.scale("m/s") * bb.Params.paper().wheel_radius / robot.wheel_radius
-    np.testing.assert_allclose(factors[6:9], lean * wheels)
-    np.testing.assert_allclose(factors[9:11], lean * robot.scale("m"))
-    np.testing.assert_allclose(factors[11:13], lean * robot.scale("m/s"))
+    np.testing.assert_allclose(factors[6:9], motion * wheels)
+    np.testing.assert_allclose(factors[9:11], motion * robot.scale("m"))
+    np.testing.assert_allclose(factors[11:13], motion * robot.scale("m/s"))
     np.testing.assert_allclose(factors[13:], 1.0)
-    # The motors limit it.
-    assert 0.4 * robot.scale("N·m") * lean > robot.max_wheel_torque
     assert scaled.max_wheel_torque == robot.max_wheel_torque
     assert (new_batch(1, options={"scale_observations": False}).observation_gains == 1.0).all()

@@ -2,7 +2,7 @@
 
 use super::{BallSpin, LinearModel, LoadMap, SpatialModel, WheelLoad, WheelSpin};
 use ballbot_base::params::Params;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
 /// Number of directions of a lean that are compared.
@@ -30,8 +30,7 @@ pub(super) struct Hold {
 impl Hold {
     pub fn of(level: &Params, linear: &LinearModel) -> Self {
         let map = LoadMap::new(level);
-        let turning: Matrix3<f64> = linear.b.fixed_view::<3, 3>(7, 0).into_owned();
-        let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+        let torques = linear.turning_torques();
         let mut worst = Self { torque: 0.0, lean: f64::INFINITY };
         for k in 0..DIRECTIONS {
             let azimuth = TAU * k as f64 / DIRECTIONS as f64;

@@ -3,7 +3,6 @@
 use super::LinearModel;
 use super::friction_limit::traction_torque;
 use ballbot_base::params::Params;
-use nalgebra::Matrix3;
 
 /// Number of samples of a move.
 const SAMPLES: usize = 64;
@@ -16,14 +15,10 @@ pub fn fastest_move(params: &Params, distance: f64) -> f64 {
         return 0.0;
     }
     // Leaning by θ towards x: θ̈ = λ² θ + u, and ẍ = g θ − ℓ θ̈.
-    let LinearModel { a, b } = LinearModel::new(params);
-    let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
-    let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
-    let lever = -(b.fixed_view::<2, 3>(5, 0) * torques)[(0, 1)];
-    let toppling_squared = a[(8, 3)];
-    let acceleration = a[(5, 3)] + lever * toppling_squared;
+    let linear = LinearModel::new(params);
+    let (toppling_squared, acceleration) = (linear.toppling_squared(), linear.acceleration_per_lean());
     // Each of three wheels at equal angles drives hardest in one direction, with the torque sqrt(2/3 Σ τ²).
-    let per_acceleration = (2.0 / 3.0 * torques.column(1).norm_squared()).sqrt();
+    let per_acceleration = (2.0 / 3.0 * linear.turning_torques().column(1).norm_squared()).sqrt();
     let most = traction_torque(params) / per_acceleration;
     let needed = |seconds: f64| {
         let peak = |peak: f64, i: usize| {

@@ -3,7 +3,7 @@
 use super::{BallSpin, SpatialModel, WheelSpin};
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Number of states: x, y, tilt x, tilt y, yaw and their rates.
 pub const STATES: usize = 10;
@@ -27,6 +27,18 @@ impl LinearModel {
     /// λ², the square of the rate at which the robot topples, 1/s².
     pub fn toppling_squared(&self) -> f64 {
         self.a[(8, 3)]
+    }
+
+    /// Torques of the wheels that turn the body by 1 rad/s² about each axis of the heading frame, N·m.
+    pub fn turning_torques(&self) -> Matrix3<f64> {
+        let turning: Matrix3<f64> = self.b.fixed_view::<3, 3>(7, 0).into_owned();
+        turning.try_inverse().expect("the wheels turn the body about every axis")
+    }
+
+    /// Acceleration of the ball towards x per small lean that the wheels hold, m/(s²·rad).
+    pub fn acceleration_per_lean(&self) -> f64 {
+        let lever = -(self.b.fixed_view::<2, 3>(5, 0) * self.turning_torques())[(0, 1)];
+        self.a[(5, 3)] + lever * self.toppling_squared()
     }
 
     /// Linear model of `params`. The accelerations of the spatial model at rest are linear in the torques; their odd

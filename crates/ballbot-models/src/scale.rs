@@ -24,6 +24,8 @@ pub struct Scale {
     pub lean: f64,
     /// Of wheel speeds: the scale of velocities over that of wheel radii.
     pub wheel_speed: f64,
+    /// Of the acceleration of the ball per lean, over gravity.
+    pub lean_acceleration: f64,
 }
 
 impl Scale {
@@ -39,11 +41,12 @@ impl Scale {
             torque: own.torque / paper.torque,
             lean: (own.lean / paper.lean).max(LEAST_LEAN),
             wheel_speed: own.wheel_speed / paper.wheel_speed,
+            lean_acceleration: own.lean_acceleration / paper.lean_acceleration,
         }
     }
 
-    /// 1/λ (s), gravity (m/s²), the mass (kg), the torque that holds a lean (N·m/rad), the lean that the robot can hold (rad), and
-    /// the speed of a wheel (rad/s) at the velocity that gravity gives in that time.
+    /// 1/λ (s), gravity (m/s²), the mass (kg), the torque that holds a lean (N·m/rad), the lean that the robot can hold (rad), the
+    /// speed of a wheel (rad/s) at the velocity that gravity gives in that time, and the acceleration per lean (1/rad).
     fn absolute(params: &Params) -> Self {
         let level = params.on_level_floor();
         let linear = LinearModel::new(&level);
@@ -56,6 +59,7 @@ impl Scale {
             torque: hold.torque,
             lean: hold.lean,
             wheel_speed: level.gravity * time / level.wheel_radius,
+            lean_acceleration: linear.acceleration_per_lean() / level.gravity,
         }
     }
 

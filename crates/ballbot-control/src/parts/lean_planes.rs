@@ -7,7 +7,7 @@ use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
-use nalgebra::{DMatrix, Matrix3, Schur};
+use nalgebra::{DMatrix, Schur};
 
 /// One vertical plane, with the lean θ towards positive positions y and the lean acceleration u by the motors: θ̈ = λ²
 /// θ + u and ÿ = g θ − ℓ θ̈.
@@ -60,9 +60,9 @@ impl<L: Lane> Leaning<L> {
 
 impl LeanPlanes {
     pub(crate) fn new(params: &Params) -> Self {
-        let LinearModel { a, b } = LinearModel::new(params);
-        let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
-        let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+        let linear = LinearModel::new(params);
+        let torques = linear.turning_torques();
+        let LinearModel { a, b } = linear;
         let moving = b.fixed_view::<2, 3>(5, 0) * torques;
         let plane = |toppling_squared: f64, slope: f64, lever: f64| LeanPlane {
             toppling: toppling_squared.sqrt(),

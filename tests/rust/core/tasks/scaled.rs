@@ -43,6 +43,7 @@ fn a_robot_of_another_size_has_the_froude_scale() {
         ] {
             close(scale.factor(unit).unwrap(), size.powf(power));
         }
+        assert!((scale.lean_acceleration - 1.0).abs() < 1e-9);
         // The loads of the wheels are from a linear system.
         assert!((scale.factor("rad").unwrap() - 1.0).abs() < 1e-9);
     }
@@ -65,7 +66,15 @@ fn leans_follow_traction_and_motors() {
 
 #[test]
 fn the_defaults_of_the_paper_are_exact() {
-    let exact = Scale { time: 1.0, acceleration: 1.0, mass: 1.0, torque: 1.0, lean: 1.0, wheel_speed: 1.0 };
+    let exact = Scale {
+        time: 1.0,
+        acceleration: 1.0,
+        mass: 1.0,
+        torque: 1.0,
+        lean: 1.0,
+        wheel_speed: 1.0,
+        lean_acceleration: 1.0,
+    };
     assert_eq!(Scale::of(&Params::paper()), exact);
     assert_eq!(config("velocity", &[]).get("command_seconds").unwrap(), [3.0, 8.0]);
 }
