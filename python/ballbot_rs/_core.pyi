@@ -1750,11 +1750,13 @@ class Controller:
         speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
         boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
             control barrier; None means no boundary.
+        scaled: weights or gains of the law for the paper's robot, by name; the robot's are scaled by `Params.scale`, so
+            that similar robots have similar laws.
         options: weights or gains of the law.
 
     Raises:
-        ValueError: an unknown name, or a number out of range.
-        TypeError: an option that the law does not have.
+        ValueError: an unknown name, a number out of range, or an option of `scaled` that does not scale.
+        TypeError: an option that the law does not have, or that is given twice.
     """
 
     def __new__(

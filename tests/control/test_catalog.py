@@ -40,6 +40,32 @@ def test_a_controller_is_of_its_robot_rate_and_gains():
         bb.make_controller("lqr", positon=1.0)
 
 
+def test_scaled_options_are_of_the_papers_robot():
+    rezero = bb.Params.preset("rezero")
+    scaled = {"position": 0.2, "velocity": 0.5, "tilt_rate": 0.3}
+    units = {"position": "m", "velocity": "m/s", "tilt_rate": "rad/s"}
+    own = {name: value * rezero.scale(units[name]) for name, value in scaled.items()}
+    law, same = bb.make_controller("lqr", rezero, tilt=0.2, scaled=scaled), bb.Lqr(rezero, tilt=0.2, **own)
+    np.testing.assert_array_equal(law(STATE, position=(0.1, 0.0)), same(STATE, position=(0.1, 0.0)))
+    # Of each robot of a batch, too.
+    batch = bb.Batch(16, robot=["paper", rezero], num_threads=1)
+    batch.reset()
+    of_all = batch.control(bb.Controller("lqr", scaled=scaled), drawn=True)[8]
+    of_one = bb.Controller("lqr", rezero, scaled=scaled, max_torque=batch.action_torques[8])(batch.state(8))
+    np.testing.assert_allclose(of_all, of_one / batch.action_torques[8], atol=2e-6)
+
+
+def test_scaled_options_are_checked():
+    with pytest.raises(TypeError, match="'positon': did you mean 'position'"):
+        bb.Controller("lqr", scaled={"positon": 0.2})
+    with pytest.raises(TypeError, match="position is given twice"):
+        bb.Controller("lqr", scaled={"position": 0.2}, position=0.2)
+    with pytest.raises(ValueError, match=r"position = 0\.0 is out of range|position = 0 is out of range"):
+        bb.Controller("lqr", scaled={"position": 0.0})
+    with pytest.raises(ValueError, match="scaled: horizon does not scale: its unit is ''"):
+        bb.Controller("mpc", scaled={"horizon": 20})
+
+
 def test_a_setpoint_is_a_mapping_or_keywords():
     law, reference = bb.Lqr(), bb.Reference.circle(0.3, 6.0)
     parts = reference(2.0)

@@ -11,7 +11,7 @@ from ballbot_rs._keywords import check_keywords, named
 from ballbot_rs._robot import Robot, params_of
 
 #: Options of every controller.
-LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary")
+LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary", "scaled")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,8 +122,8 @@ def make_controller(
         robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         control_dt: time between two calls, s; None is the time that the controller is made for (0.002 for "pid"), or
             0.01.
-        options: weights or gains listed in `controllers()[name].options`, and `max_torque`, `traction`, `speed_limit`
-            and `boundary` as in `Controller`.
+        options: weights or gains listed in `controllers()[name].options`, and `max_torque`, `traction`, `speed_limit`,
+            `boundary` and `scaled` as in `Controller`.
 
     Raises:
         ValueError: an unknown name, or a number out of range.

@@ -1,6 +1,6 @@
 //! `Controller`, `Pid` and `Lqr`.
 
-use crate::errors::{call, not_pickled, to_python};
+use crate::errors::{InvalidInputError, call, not_pickled, to_python};
 use crate::exclusive::Exclusive;
 use crate::robot::params::Robot;
 use crate::robot::state::PyState;
@@ -12,7 +12,7 @@ use ballbot_core::control::{
     Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,
     Sampled, Setpoint, controller_kind,
 };
-use ballbot_core::fields::Fields;
+use ballbot_core::fields::{Fields, OptionDescription};
 use ballbot_core::models::Scale;
 use ballbot_core::models::linear::{INPUTS, STATES};
 use ballbot_core::{Params, Result, one_of};
@@ -87,6 +87,38 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
     options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect()
 }
 
+/// Options for the paper's robot, each with its unit, which scales.
+type Scaled = Vec<(String, Vec<f64>, &'static str)>;
+
+/// The units of options for the paper's robot, none of which is among `others`.
+fn with_units(
+    options: Vec<(String, Vec<f64>)>,
+    others: &[(String, Vec<f64>)],
+    described: &[OptionDescription],
+) -> PyResult<Scaled> {
+    let unit = |(name, values): (String, Vec<f64>)| {
+        if others.iter().any(|(other, _)| *other == name) {
+            return Err(PyTypeError::new_err(format!("{name} is given twice: as an option and in scaled")));
+        }
+        let unit = described.iter().find(|option| option.name == name).map_or("", |option| option.unit);
+        if unit.is_empty() || Scale::of(&Params::paper()).factor(unit).is_none() {
+            return Err(InvalidInputError::new_err(format!("scaled: {name} does not scale: its unit is '{unit}'")));
+        }
+        Ok((name, values, unit))
+    };
+    options.into_iter().map(unit).collect()
+}
+
+/// The options of a robot.
+fn of_robot(scaled: &Scaled, params: &Params) -> Vec<(String, Vec<f64>)> {
+    if scaled.is_empty() {
+        return Vec::new();
+    }
+    let scale = Scale::of(params);
+    let times = |values: &[f64], unit| values.iter().map(|value| value * scale.factor(unit).unwrap_or(1.0)).collect();
+    scaled.iter().map(|(name, values, unit)| (name.clone(), times(values, unit))).collect()
+}
+
 /// Torque limits from arguments, in place of the limits of a law.
 fn limits(
     own: LimitOptions,
@@ -138,11 +170,13 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
 ///     boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
 ///         control barrier; None means no boundary.
+///     scaled: weights or gains of the law for the paper's robot, by name; the robot's are scaled by `Params.scale`, so
+///         that similar robots have similar laws.
 ///     options: weights or gains of the law.
 ///
 /// Raises:
-///     ValueError: an unknown name, or a number out of range.
-///     TypeError: an option that the law does not have.
+///     ValueError: an unknown name, a number out of range, or an option of `scaled` that does not scale.
+///     TypeError: an option that the law does not have, or that is given twice.
 #[pyclass(name = "Controller", module = "ballbot_rs", subclass, frozen)]
 pub(crate) struct PyController {
     name: String,
@@ -248,7 +282,8 @@ fn write_part(target: &mut Setpoint, name: &str, value: &Bound<'_, PyAny>) -> Py
 impl PyController {
     #[new]
     #[pyo3(signature = (
-        name, robot=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, **options
+        name, robot=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, scaled=None,
+        **options
     ))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn py_new(
@@ -259,12 +294,14 @@ impl PyController {
         traction: Argument<'_, '_>,
         #[pyo3(from_py_with = optional_real)] speed_limit: Option<f64>,
         boundary: Argument<'_, '_>,
+        scaled: Option<&Bound<'_, PyDict>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let kind = controller_kind(name).map_err(to_python)?;
-        let known = (kind.options)();
-        let known: Vec<_> = known.iter().map(|option| (option.name, option.scaled)).collect();
+        let described = (kind.options)();
+        let known: Vec<_> = described.iter().map(|option| (option.name, option.scaled)).collect();
         let options = self::options("Controller", options, &known)?;
+        let scaled = with_units(self::options("Controller", scaled, &known)?, &options, &described)?;
         let params = Robot::or_paper(robot);
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let limits = limits(kind.limits, max_torque, traction, speed_limit, boundary)?;
@@ -272,7 +309,8 @@ impl PyController {
         let design = move |params: &Params, delay: f64| {
             let delay = [delay];
             let predicted = (predicts && delay[0] > 0.0).then_some((DELAY, &delay[..]));
-            let options: Vec<_> = borrowed(&options).into_iter().chain(predicted).collect();
+            let scaled = of_robot(&scaled, params);
+            let options: Vec<_> = borrowed(&options).into_iter().chain(borrowed(&scaled)).chain(predicted).collect();
             (kind.make)(params, control_dt, &limits, &options)
         };
         Self::designed(name, "Controller", params, design)
