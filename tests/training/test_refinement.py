@@ -8,6 +8,7 @@ import torch
 from stable_baselines3 import PPO
 
 import ballbot_rs as bb
+from ballbot_rs._state_rows import BALL_VELOCITY
 from ballbot_rs.envs.family import sample_robots
 from ballbot_rs.training import config, refinement, teacher, tied
 from ballbot_rs.training.refinement import AZIMUTHS, FRACTIONS, Space, Trials, objective
@@ -105,6 +106,37 @@ def test_parts_repeat(trials, fitted):
     # The fit had small tilts only.
     assert parts["upright"] == 1.0
     assert parts["tilt limit"] >= FRACTIONS[0]
+
+
+class Rolling:
+    """Eight episodes of a robot whose ball rolls at one speed, and falls in the last fifth of the first of them."""
+
+    num_envs, max_episode_steps = 8, 300
+
+    def __init__(self, speed):
+        self.speed, self.steps = speed, []
+
+    def reset(self, seeds):
+        assert len(seeds) == 8
+
+    def episodes(self, network, steps):
+        self.steps.append(steps)
+        return {"terminated": np.arange(8) < (len(self.steps) == 3), "success": np.ones(8, dtype=bool)}
+
+    def states(self):
+        states = np.zeros((8, 32))
+        states[:, BALL_VELOCITY] = (0.6 * self.speed, 0.8 * self.speed, 0.0)
+        return states
+
+
+@pytest.mark.parametrize(("factor", "still"), [(0.0, 1.0), (1.0, 0.5), (3.0, 0.25)])
+def test_a_ball_that_rolls_at_the_end_is_less_at_rest(trials, factor, still):
+    batch = Rolling(factor * 0.008 * ROBOT.scale("m/s"))
+    ended = trials._ended(batch, [])
+    assert sum(batch.steps) == 300
+    assert batch.steps[0] == 240
+    np.testing.assert_allclose(ended["at rest"], 7 / 8 * still)
+    assert ended["upright"] == ended["in place"] == 7 / 8
 
 
 def test_kinds_of_episodes_count_by_their_weights(fitted):

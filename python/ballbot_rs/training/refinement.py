@@ -6,7 +6,8 @@ numbers of a policy with tied weights (`training.tied`): the last layer, and gai
 an observation and of its ages. Each policy of a generation is tried on robots of the training's kind:
 
 - released at tilts, and pushed, by fractions of what the law that is given the robot recovers from;
-- in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`.
+- in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`; what counts is
+  where they end, and how still the ball rests before.
 
 Most robots are easy, so policies can be tried on a part of the robots: on which the fit does worst, and some others.
 """
@@ -26,6 +27,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from ballbot_rs import _files
 from ballbot_rs._core import SAME_ROBOT, Batch, Controller, Params, State
 from ballbot_rs._extras import require
+from ballbot_rs._state_rows import BALL_VELOCITY
 from ballbot_rs.control.sb3_policy import tanh_network
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import number_of, robots_of
@@ -63,8 +65,12 @@ _LEAST_PUSH: Final = 0.1
 
 #: Episodes of each robot in place, one for each of its neighbors.
 _EPISODES: Final = SAME_ROBOT
-#: Weights of the parts of the objective: the limits, the starts, and the episodes upright and in place.
-_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 3.5, 1.0, 2.0, 4.5
+#: The last fifth of an episode, in which the ball should rest, has this many parts; its speed is measured before each.
+_RESTS: Final = 5
+#: Speed of the ball that counts half as much as rest on the paper's robot, m/s.
+_ROCKING: Final = 0.008
+#: Weights of the parts of the objective: the limits, the starts, and the episodes upright, in place and at rest.
+_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE, _OF_REST = 3.5, 1.0, 2.0, 4.5, 2.0
 #: Generations between two trials of the mean.
 _EVERY: Final = 4
 
@@ -147,7 +153,8 @@ def _read(record: Path, population: int) -> list[list[float]]:
 def objective(parts: Mapping[str, Any]) -> Any:
     """What the evolution maximizes, of all robots or of each."""
     limits, starts = (sum(parts[f"{kind} {name}"] for kind in ("tilt", "push")) for name in ("limit", "starts"))
-    return _OF_LIMITS * limits + _OF_STARTS * starts + _OF_UPRIGHT * parts["upright"] + _OF_PLACE * parts["in place"]
+    ends = _OF_UPRIGHT * parts["upright"] + _OF_PLACE * parts["in place"] + _OF_REST * parts["at rest"]
+    return _OF_LIMITS * limits + _OF_STARTS * starts + ends
 
 
 def _text(parts: dict[str, float]) -> str:
@@ -237,6 +244,7 @@ class Trials:
     def _begin_with(self, robots: list[Params], azimuths: Array) -> None:
         """Makes the environments of some robots; azimuths have the shape (robots, azimuths)."""
         self._robots, self._azimuths = robots, azimuths
+        self._rocking = _ROCKING * np.array([robot.scale("m/s") for robot in robots])
         self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS))
         self.steps = math.ceil(SECONDS / self._starts.control_dt)
         settings = self.settings.episode_options
@@ -329,18 +337,30 @@ class Trials:
         ):
             found[f"{kind} limit"] = np.where(counts, limits, np.nan)
             found[f"{kind} starts"] = np.where(counts, starts, np.nan)
-        ended = [self._episodes(batch, network) for batch in self._whole]
+        ended = [self._ended(batch, network) for batch in self._whole]
 
         def share(name: str) -> Array:
-            of_kinds = [one[name].reshape(len(self._robots), -1).mean(axis=1) for one in ended]
-            of_robots: Array = np.average(of_kinds, axis=0, weights=self.settings.weights)
+            of_robots: Array = np.average([one[name] for one in ended], axis=0, weights=self.settings.weights)
             return of_robots
 
-        return {**found, "upright": 1.0 - share("terminated"), "in place": share("success")}
+        return {**found, **{name: share(name) for name in ("upright", "in place", "at rest")}}
 
-    def _episodes(self, batch: Batch, network: Network) -> dict[str, npt.NDArray[Any]]:
+    def _ended(self, batch: Batch, network: Network) -> dict[str, Array]:
+        """How whole episodes end, each of shape (robots,)."""
         batch.reset(seeds=self._seeds[: batch.num_envs])
-        return batch.episodes(network)
+        steps = max(1, batch.max_episode_steps // (5 * _RESTS))
+        ended = batch.episodes(network, max(0, batch.max_episode_steps - _RESTS * steps))
+        upright, squares = ~ended["terminated"], np.zeros(batch.num_envs)
+        for _ in range(_RESTS):
+            squares += np.square(batch.states()[:, BALL_VELOCITY]).sum(axis=1) / _RESTS
+            ended = batch.episodes(network, steps)
+            upright &= ~ended["terminated"]
+        found = {
+            "upright": upright,
+            "in place": upright & ended["success"],
+            "at rest": upright / (1.0 + np.sqrt(squares) / np.repeat(self._rocking, _EPISODES)),
+        }
+        return {name: values.reshape(len(self._robots), -1).mean(axis=1) for name, values in found.items()}
 
     def _recovered(self, network: Network) -> npt.NDArray[np.bool_]:
         """Which starts the policy recovers from, of shape (2, robots, fractions, azimuths)."""
