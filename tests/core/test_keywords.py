@@ -426,7 +426,15 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "Controller": (
         bb.Controller,
         {"name": "lqr"},
-        {"name": "lqi", "robot": "kugle", "control_dt": 0.02, "max_torque": 0.05, "traction": 0.1, "scaled": {"position": 0.3}, **BARRIER},
+        {
+            "name": "lqi",
+            "robot": "kugle",
+            "control_dt": 0.02,
+            "max_torque": 0.05,
+            "traction": 0.1,
+            "scaled": {"position": 0.3},
+            **BARRIER,
+        },
     ),
     "Lqr": (
         bb.Lqr,

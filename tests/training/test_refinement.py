@@ -119,7 +119,7 @@ class Rolling:
     def reset(self, seeds):
         assert len(seeds) == 8
 
-    def episodes(self, network, steps):
+    def episodes(self, network, steps):  # noqa: ARG002
         self.steps.append(steps)
         return {"terminated": np.arange(8) < (len(self.steps) == 3), "success": np.ones(8, dtype=bool)}
 
