@@ -1750,8 +1750,9 @@ class Controller:
         speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
         boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
             control barrier; None means no boundary.
-        scaled: weights or gains of the law for the paper's robot, by name; the robot's are scaled by `Params.scale`, so
-            that similar robots have similar laws.
+        scaled: weights or gains of the law for the paper's robot, by name, except for `delay`; those of the robot are
+            scaled by `Params.scale` of their units, so that similar robots have similar laws; their limits apply to the
+            scaled numbers.
         options: weights or gains of the law.
 
     Raises:
@@ -1769,6 +1770,7 @@ class Controller:
         traction: bool | float | None = None,
         speed_limit: float | None = None,
         boundary: npt.ArrayLike | None = None,
+        scaled: dict[str, Any] | None = None,
         **options: float,
     ) -> Self: ...
     def __call__(

@@ -62,8 +62,10 @@ def test_scaled_options_are_checked():
         bb.Controller("lqr", scaled={"position": 0.2}, position=0.2)
     with pytest.raises(ValueError, match=r"position = 0\.0 is out of range|position = 0 is out of range"):
         bb.Controller("lqr", scaled={"position": 0.0})
-    with pytest.raises(ValueError, match="scaled: horizon does not scale: its unit is ''"):
+    with pytest.raises(ValueError, match=r"scaled: horizon \(unit ''\) does not scale"):
         bb.Controller("mpc", scaled={"horizon": 20})
+    with pytest.raises(ValueError, match="scaled: delay"):
+        bb.Controller("lqr", scaled={"delay": 0.01})
 
 
 def test_a_setpoint_is_a_mapping_or_keywords():

@@ -234,6 +234,7 @@ def test_two_controllers_in_one_file_are_an_error_and_the_same_header_twice_is_n
         ("lqr", {"delay": 0.03}, "delay = 0.03 of the controller 'lqr' cannot be written as C: it must be 0"),
         ("lqi", {"delay": 0.01}, "delay = 0.01 of the controller 'lqi'"),
         ("cascade_pid", {"lean_observer": 1.0, "max_wheel_torque": 0.2}, "lean_observer = 1.0 of the controller"),
+        ("lqr", {"scaled": {"lean_observer": 1.0}}, "lean_observer = 1.0 of the controller"),
         ("hierarchical_sliding_mode", {"adaptation": 9}, "adaptation = 9 of the controller"),
     ],
 )

@@ -21,10 +21,10 @@ from validation.policies.any_parts import NUM_ENVS, ROUNDS, SEEDS, USUAL, evalua
 
 #: Changed options of the environment, and the policy.
 ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
-    "history of 0.24 s, no state": ({}, {"net_arch": [30, 30]}),
-    "newest observation, no state": ({"history": 1}, {"net_arch": [30, 30]}),
+    "history of 0.6 s, no state": ({}, {"net_arch": [24, 30]}),
+    "newest observation, no state": ({"history": 1}, {"net_arch": [24, 30]}),
     "newest observation, 24 LSTM units": ({"history": 1}, {"net_arch": [], "lstm_hidden_size": 24}),
-    "history of 0.24 s, 18 LSTM units": ({}, {"net_arch": [], "lstm_hidden_size": 18}),
+    "history of 0.6 s, 18 LSTM units": ({}, {"net_arch": [], "lstm_hidden_size": 18}),
 }
 
 

@@ -24,7 +24,7 @@ pub struct Scale {
     pub lean: f64,
     /// Of wheel speeds: the scale of velocities over that of wheel radii.
     pub wheel_speed: f64,
-    /// Of the acceleration of the ball per lean, over gravity.
+    /// Of the acceleration of the ball per lean, in units of gravity; no factor of a unit has it.
     pub lean_acceleration: f64,
 }
 

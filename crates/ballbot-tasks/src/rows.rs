@@ -6,7 +6,8 @@ use ballbot_base::lanes::Lane;
 /// What a row grows with from robot to robot, in addition to the lean that starts a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
-    /// The scale of its unit; pure numbers are alike on all robots.
+    /// The scale of its unit, lengths and velocities also the acceleration of the ball per lean; pure numbers are alike on
+    /// all robots.
     Unit,
     /// The speed of a wheel, which scales otherwise than the rates of the body.
     WheelSpeed,

@@ -11,7 +11,7 @@ from ballbot_rs._keywords import check_keywords, named
 from ballbot_rs._robot import Robot, params_of
 
 #: Options of every controller.
-LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary", "scaled")
+COMMON: Final = ("max_torque", "traction", "speed_limit", "boundary", "scaled")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,10 +126,10 @@ def make_controller(
             `boundary` and `scaled` as in `Controller`.
 
     Raises:
-        ValueError: an unknown name, or a number out of range.
-        TypeError: an option that the controller does not have.
+        ValueError: an unknown name, a number out of range, or an option of `scaled` that does not scale.
+        TypeError: an option that the controller does not have, or that is given twice.
     """
     if name in CONTROLLERS:
         known = [option["name"] for option in CONTROLLERS[name]["options"]]
-        check_keywords(f"the controller '{name}'", options, (*known, *LIMITS))
+        check_keywords(f"the controller '{name}'", options, (*known, *COMMON))
     return Controller(name, params_of(robot), control_dt, **options)

@@ -50,10 +50,11 @@ def controller_header(
         raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
     robot = params_of(robot)
     law = make_controller(name, robot, control_dt, **options)
+    given = {**options, **(options.get("scaled") or {})}
     for option in NOT_IN_C:
-        if np.any(options.get(option, 0.0)):
+        if np.any(given.get(option, 0.0)):
             raise ValueError(
-                f"{option} = {options[option]} of the controller '{name}' cannot be written as C: it must be 0"
+                f"{option} = {given[option]} of the controller '{name}' cannot be written as C: it must be 0"
             )
     if max_wheel_torque is not None:
         # The limit of the environment applies in addition, as in a batch.

@@ -197,8 +197,9 @@ class CommonOptions(TypedDict, total=False):
     #: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
     #: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
-    #: robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives: robots of all
-    #: sizes then look alike to a policy.
+    #: robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and lengths,
+    #: velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to a
+    #: policy.
     scale_by_robot: bool
     #: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest first.
     #: docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)

@@ -108,8 +108,9 @@ class BalanceEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -321,8 +322,9 @@ class VelocityEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -542,8 +544,9 @@ class GoalEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -773,8 +776,9 @@ class PathEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -980,8 +984,9 @@ class PushEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1200,8 +1205,9 @@ class CarryEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1432,8 +1438,9 @@ class NavigateEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1665,8 +1672,9 @@ class RideEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1909,8 +1917,9 @@ class TerrainEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -2112,8 +2121,9 @@ class OpenBallBotEnv(BallbotEnv):
     - `scale_observations`: Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives:
-      robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
+      lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
+      a policy. (default False)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode

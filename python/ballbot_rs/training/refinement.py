@@ -350,11 +350,13 @@ class Trials:
         batch.reset(seeds=self._seeds[: batch.num_envs])
         steps = max(1, batch.max_episode_steps // (5 * _RESTS))
         ended = batch.episodes(network, max(0, batch.max_episode_steps - _RESTS * steps))
-        upright, squares = ~ended["terminated"], np.zeros(batch.num_envs)
+        upright, squares = np.ones(batch.num_envs, dtype=bool), np.zeros(batch.num_envs)
         for _ in range(_RESTS):
+            # An episode that ends early is followed by another, which does not count.
+            upright &= ~(ended["terminated"] | ended["truncated"])
             squares += np.square(batch.states()[:, BALL_VELOCITY]).sum(axis=1) / _RESTS
             ended = batch.episodes(network, steps)
-            upright &= ~ended["terminated"]
+        upright &= ~ended["terminated"]
         found = {
             "upright": upright,
             "in place": upright & ended["success"],

@@ -38,8 +38,9 @@ env_config! {
             /// Whether each row, minus its value at rest, is divided by its typical magnitude, within ±10.
             pub scale_observations: bool = true, "", Limit::FINITE;
             /// Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
-            /// robot by `Params.scale`, by the lean that it can hold, and by the acceleration that a lean gives: robots of
-            /// all sizes then look alike to a policy.
+            /// robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and lengths,
+            /// velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to a
+            /// policy.
             pub scale_by_robot: bool = false, "", Limit::FINITE;
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.
@@ -112,8 +113,9 @@ impl<T: Task> EnvConfig<T> {
             return self.scale_observations.then(|| scaling.clone());
         }
         let scale = Scale::of(&self.params);
-        // A motion is as large as the lean that starts it, and its velocity as the acceleration that the lean gives. An
-        // action of 1 holds less of the lean where the motors limit it, and the gains of a policy must not depend on that.
+        // A motion is as large as the lean that starts it, its lengths and velocities as the acceleration that the lean
+        // gives. By default an action of 1 holds less of the lean where the motors limit it: the gains of a policy must
+        // not depend on that.
         let lean = self.derived("max_wheel_torque") / (PAPER_ACTION * scale.torque);
         let motion = lean * scale.lean_acceleration;
         let factor = |row: &Row| match (row.growth, row.unit) {

@@ -101,8 +101,8 @@ fn with_units(
             return Err(PyTypeError::new_err(format!("{name} is given twice: as an option and in scaled")));
         }
         let unit = described.iter().find(|option| option.name == name).map_or("", |option| option.unit);
-        if unit.is_empty() || Scale::of(&Params::paper()).factor(unit).is_none() {
-            return Err(InvalidInputError::new_err(format!("scaled: {name} does not scale: its unit is '{unit}'")));
+        if name == DELAY || unit.is_empty() || Scale::of(&Params::paper()).factor(unit).is_none() {
+            return Err(InvalidInputError::new_err(format!("scaled: {name} (unit '{unit}') does not scale")));
         }
         Ok((name, values, unit))
     };
@@ -170,8 +170,9 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
 ///     boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
 ///         control barrier; None means no boundary.
-///     scaled: weights or gains of the law for the paper's robot, by name; the robot's are scaled by `Params.scale`, so
-///         that similar robots have similar laws.
+///     scaled: weights or gains of the law for the paper's robot, by name, except for `delay`; those of the robot are
+///         scaled by `Params.scale` of their units, so that similar robots have similar laws; their limits apply to the
+///         scaled numbers.
 ///     options: weights or gains of the law.
 ///
 /// Raises:

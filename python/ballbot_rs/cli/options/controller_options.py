@@ -7,7 +7,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.cli.options import settings
-from ballbot_rs.control.catalog import LIMITS
+from ballbot_rs.control.catalog import COMMON
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.scenarios.tune import with_options
 
@@ -65,4 +65,4 @@ def of(names: Sequence[str], given: Sequence[str]) -> dict[str, ResolvedControll
 
 
 def _options_of(name: str) -> tuple[str, ...]:
-    return (*(option["name"] for option in CONTROLLERS[name]["options"]), *LIMITS)
+    return (*(option["name"] for option in CONTROLLERS[name]["options"]), *COMMON)
