@@ -1750,9 +1750,9 @@ class Controller:
         speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
         boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
             control barrier; None means no boundary.
-        scaled: weights or gains of the law for the paper's robot, by name, except for `delay`; those of the robot are
-            scaled by `Params.scale` of their units, so that similar robots have similar laws; their limits apply to the
-            scaled numbers.
+        scaled: weights or gains of the law for the paper's robot, by name, except for `delay`. Each is scaled
+            to the robot by `Params.scale` of its unit, so that similar robots have similar laws; its limits apply to the
+            scaled number.
         options: weights or gains of the law.
 
     Raises:
