@@ -60,7 +60,7 @@ def test_scaled_options_are_checked():
         bb.Controller("lqr", scaled={"positon": 0.2})
     with pytest.raises(TypeError, match="position is given twice"):
         bb.Controller("lqr", scaled={"position": 0.2}, position=0.2)
-    with pytest.raises(ValueError, match=r"position = 0\.0 is out of range|position = 0 is out of range"):
+    with pytest.raises(ValueError, match="position = 0 is out of range"):
         bb.Controller("lqr", scaled={"position": 0.0})
     with pytest.raises(ValueError, match=r"scaled: horizon \(unit ''\) does not scale"):
         bb.Controller("mpc", scaled={"horizon": 20})
