@@ -1560,6 +1560,17 @@ class LinearModel:
     @property
     def B(self) -> _Array:
         """Input matrix B (10×3)."""
+    @property
+    def toppling_squared(self) -> float:
+        """λ², the square of the rate at which the robot topples, 1/s²."""
+    @property
+    def acceleration_per_lean(self) -> float:
+        """Acceleration of the ball towards x per small lean that the wheels hold, m/(s²·rad)."""
+    @property
+    def turning_torques(self) -> _Array:
+        """Torques of the wheels that turn the body by 1 rad/s² about x, y and z of the heading frame, N·m, shape (3, 3): one
+        row per wheel.
+        """
     def discretize(self, dt: float) -> tuple[_Array, _Array]:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 

@@ -441,6 +441,16 @@ def test_the_linear_model_names_what_it_is_in(paper):
     np.testing.assert_allclose(b / 1e-6, model.B, rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.parametrize("name", Params.preset_names())
+def test_wheels_that_hold_a_lean_accelerate_the_ball(name):
+    model = LinearModel(name)
+    leaning = np.eye(10)[3]
+    torques = -model.toppling_squared * model.turning_torques[:, 1]
+    rates = model.A @ leaning + model.B @ torques
+    np.testing.assert_allclose(rates[[5, 8]], [model.acceleration_per_lean, 0.0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(model.B[7:] @ model.turning_torques, np.eye(3), atol=1e-9)
+
+
 def test_scalar_options_of_environments_are_described():
     options = Batch(1, num_threads=1).options
     kinds = {"float": float, "float | None": float, "int": int, "bool": bool}

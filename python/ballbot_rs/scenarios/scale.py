@@ -51,16 +51,13 @@ class Scale:
         """
         params = params_of(robot)
         linear = LinearModel(params)
-        a, b = np.asarray(linear.A), np.asarray(linear.B)
-        turning: npt.NDArray[np.float64] = np.asarray(np.linalg.inv(b[7:10]), dtype=np.float64)
-        toppling = a[8, 3]
-        lever = -(b[5:7] @ turning)[0, 1]
+        turning, toppling = linear.turning_torques, linear.toppling_squared
         hold = min(_holdable(params, turning, toppling, angle) for angle in _angles().tolist())
         rate = math.sqrt(toppling)
         moment = params.body_mass * params.gravity * float(np.linalg.norm(params.body_com))
         return cls(
             toppling_rate=rate,
-            acceleration_per_lean=float(a[5, 3] + lever * toppling),
+            acceleration_per_lean=linear.acceleration_per_lean,
             holdable_lean=hold,
             capture_impulse=hold * rate / _rate_per_impulse(params),
             force_per_lean=moment / (params.body_com_height + params.ball_radius),

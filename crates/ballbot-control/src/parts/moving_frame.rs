@@ -16,13 +16,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
-/// Error of the heading, rad, beyond which the robot turns: a faster spin of the ball is then hidden, with smaller errors
-/// in proportion.
+/// Error of the heading, rad, beyond which the robot turns: the spin of the ball about the vertical is then hidden, with
+/// smaller errors in proportion. A robot that turns spins a ball that hardly rubs on the floor; a policy that has only
+/// balanced has not seen its wheels turn as fast while it does not.
 const LEAST_TURN: f64 = 0.02;
-
-/// Largest shown rate of the ball about the vertical, for the robot of the paper, rad/s. A robot that turns spins a ball
-/// that hardly rubs on the floor; a policy that has only balanced has not seen its wheels turn as fast while it does not.
-const LARGEST_SPIN: f64 = 0.5;
 
 /// The frame of a setpoint in motion, for one robot. A robot that follows the setpoint is at rest there, and upright: it
 /// leans as the motion requires, and its wheels have the torques of the motion.
@@ -38,17 +35,15 @@ pub struct MovingFrame {
     turning_rate: f64,
     /// Rate of the body about its z against the ball, per speed of each wheel.
     spin_per_speed: [f64; WHEELS],
-    /// Largest shown rate of the ball about the vertical, rad/s.
-    largest_spin: f64,
 }
 
 /// A robot in the frame of its setpoint.
 pub struct Followed<L> {
-    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, while it turns on a ball that
-    /// spins at most as fast as a balancing robot spins it.
+    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, while it turns on a ball
+    /// that does not spin about the vertical.
     pub state: LaneState<L>,
-    /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on a ball that spins
-    /// faster. Zero at rest.
+    /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on the ball that
+    /// spins. Zero at rest.
     pub torques: Wheels<L>,
 }
 
@@ -61,15 +56,13 @@ impl MovingFrame {
         let still = Vector3::zeros();
         let turning = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| speeds(still, axis));
         let square: f64 = turning[2].iter().map(|speed| speed * speed).sum();
-        let time = Scale::of(params).time;
         Self {
             tracking: Tracking::new(&without_friction),
             friction,
             rolling: [Vector3::y(), -Vector3::x()].map(|axis| speeds(axis / params.ball_radius, still)),
             turning,
-            turning_rate: TURNING / time,
+            turning_rate: TURNING / Scale::of(params).time,
             spin_per_speed: std::array::from_fn(|i| turning[2][i] / square),
-            largest_spin: LARGEST_SPIN / time,
         }
     }
 
@@ -103,10 +96,9 @@ impl MovingFrame {
             speeds[i] = rolling + setpoint.yaw_rate * self.turning[2][i];
         }
         let spin = dot(&self.spin_per_speed, state.wheel_speeds.0) - state.body_angular_velocity.z;
-        let most = x.splat(self.largest_spin);
         // A robot that only balances is shown all of it, as in the policy's task.
         let hidden = (turn.abs() * (LEAST_TURN * self.turning_rate).recip()).min(x.splat(1.0));
-        let excess = up * ((spin - spin.min(most).max(-most)) * hidden);
+        let excess = up * (spin * hidden);
         for i in 0..WHEELS {
             let spinning = self.turned(i, excess);
             state.wheel_speeds[i] -= spinning;

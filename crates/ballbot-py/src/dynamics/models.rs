@@ -242,6 +242,25 @@ impl PyLinearModel {
         dynamic(py, &self.0.b)
     }
 
+    /// λ², the square of the rate at which the robot topples, 1/s².
+    #[getter]
+    fn toppling_squared(&self) -> f64 {
+        self.0.toppling_squared()
+    }
+
+    /// Acceleration of the ball towards x per small lean that the wheels hold, m/(s²·rad).
+    #[getter]
+    fn acceleration_per_lean(&self) -> f64 {
+        self.0.acceleration_per_lean()
+    }
+
+    /// Torques of the wheels that turn the body by 1 rad/s² about x, y and z of the heading frame, N·m, shape (3, 3): one
+    /// row per wheel.
+    #[getter]
+    fn turning_torques<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        dynamic(py, &self.0.turning_torques())
+    }
+
     /// Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact.
     fn discretize<'py>(
         &self,
