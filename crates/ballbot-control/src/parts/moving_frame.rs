@@ -16,6 +16,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
+/// How much larger an error of the heading's rate is shown to the policy. Where the wheels hardly turn the body, the
+/// policy alone is too weak to keep the heading from oscillating.
+const DAMPING: f64 = 1.0;
+
 /// Error of the heading, rad, beyond which the robot turns: the spin of the ball about the vertical is then hidden, with
 /// smaller errors in proportion. A robot that turns spins a ball that hardly rubs on the floor; a policy that has only
 /// balanced has not seen its wheels turn as fast while it does not.
@@ -85,6 +89,10 @@ impl MovingFrame {
         let most = x.splat(LARGEST_TURN);
         let error = wrapped_angle(setpoint.yaw - state.body_quaternion.yaw()).min(most).max(-most);
         let turn = setpoint.yaw_rate + error * self.turning_rate;
+        // A robot that only balances is shown its rate and the ball's spin as in the policy's task.
+        let turns = (turn.abs() * (LEAST_TURN * self.turning_rate).recip()).min(x.splat(1.0));
+        let rate = up.dot(state.body_angular_velocity);
+        let turn = turn + turns * (setpoint.yaw_rate - rate) * DAMPING;
         let turning = Vec3::new(up.x * turn - rate_y, up.y * turn + rate_x, up.z * turn);
         state.body_angular_velocity = state.body_angular_velocity - turning;
         let [forward, left] = heading.of(vx, vy);
@@ -96,9 +104,7 @@ impl MovingFrame {
             speeds[i] = rolling + setpoint.yaw_rate * self.turning[2][i];
         }
         let spin = dot(&self.spin_per_speed, state.wheel_speeds.0) - state.body_angular_velocity.z;
-        // A robot that only balances is shown all of it, as in the policy's task.
-        let hidden = (turn.abs() * (LEAST_TURN * self.turning_rate).recip()).min(x.splat(1.0));
-        let excess = up * (spin * hidden);
+        let excess = up * (spin * turns);
         for i in 0..WHEELS {
             let spinning = self.turned(i, excess);
             state.wheel_speeds[i] -= spinning;
