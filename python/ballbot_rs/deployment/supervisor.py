@@ -113,9 +113,8 @@ def recoverable(robot: Params, max_torque: float) -> tuple[float, float, float]:
     """
     level = robot.replace(floor_tilt=(0.0, 0.0))
     linear = LinearModel(level)
-    squared = float(np.asarray(linear.A)[8, 3])
+    squared, turning = linear.toppling_squared, linear.turning_torques
     toppling = math.sqrt(squared)
-    turning = np.linalg.inv(np.asarray(linear.B)[7:10])
     # Of a law with traction scaling: at rest, per tilt, per torque; each is at most 0.
     rows: Array = np.asarray(Controller("pid", level, traction=True).constants()["traction_rows"])
     tilt, rate = math.inf, math.inf

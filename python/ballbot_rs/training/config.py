@@ -294,7 +294,7 @@ class TrainConfig:
             if are_several(self.env.get("robot")):
                 raise ValueError("horizon follows from one robot: with several, give algorithm_arguments.gamma")
             batch = new_batch(1, task=task_of(self.env_id), num_threads=1, options=self.env)
-            rate = math.sqrt(LinearModel(batch.nominal_params(0)).A[8, 3])
+            rate = math.sqrt(LinearModel(batch.nominal_params(0)).toppling_squared)
             given["gamma"] = max(1.0 - batch.control_dt * rate / self.horizon, 0.0)
         return given
 

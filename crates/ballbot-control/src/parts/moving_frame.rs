@@ -44,7 +44,7 @@ pub struct MovingFrame {
 /// A robot in the frame of its setpoint.
 pub struct Followed<L> {
     /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, while it turns on a ball
-    /// that does not spin about the vertical.
+    /// that does not spin about the vertical. Errors of the heading's rate are larger there, by `DAMPING`.
     pub state: LaneState<L>,
     /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on the ball that
     /// spins. Zero at rest.
