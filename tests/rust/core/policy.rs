@@ -275,7 +275,7 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
     let friction = passing.wheel_speeds.0.map(|speed| 1e-3 * speed + 0.02 * speed / speed.hypot(1.0));
     close(torques_of(&rubbing, &passing, &on_the_way), std::array::from_fn(|i| unmoved[i] + friction[i]), 1e-9);
 
-    // While the robot turns, a ball that spins fast under it spins at half a radian per second to the policy.
+    // While the robot turns, the policy does not see the ball spin.
     let turning = Setpoint { yaw: yaw + 0.1, ..still };
     let spinning = |rate: f64, setpoint: &Setpoint| {
         let mut state = upright.clone();
@@ -284,9 +284,14 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
         state.wheel_speeds = Omniwheels::new(&params).wheel_speeds(&state.body_quaternion, &ball, &body);
         torques(&state, setpoint)
     };
-    let [none, slow, faster] = [0.0, 0.5, 20.0].map(|rate| spinning(rate, &turning));
-    assert!(slow != none && spinning(20.0, &still) != spinning(0.5, &still));
-    close(slow, faster, 1e-9);
+    for rate in [0.5, 20.0] {
+        close(spinning(rate, &turning), spinning(0.0, &turning), 1e-9);
+        assert!(spinning(rate, &still) != spinning(0.0, &still));
+    }
+
+    // It sees twice the error of the heading's rate: 0.1 rad off, at half the rate of 0.2 rad/s that it is to turn at,
+    // the robot appears to be at rest.
+    close(torques(&moving(&params, &upright, Vector3::zeros(), Vector3::zeros(), 0.1), &turning), upright_now, 1e-9);
 
     // It turns towards the heading of the setpoint, at most as for half a radian.
     let [ahead, half, behind] = [0.1, 0.5, 2.0].map(|error| torques(&upright, &Setpoint { yaw: yaw + error, ..still }));
