@@ -2214,6 +2214,12 @@ class Batch:
         if there are several. Ones without `scale_observations`.
         """
     @property
+    def integral(self) -> dict[str, float] | None:
+        """Integral action in the observation of the first robot, in multiples of the rows' typical magnitudes; None without
+        `integral_rate`. `rate`: growth in a control step per error; `slow`: speed of the ball at which half of it is left;
+        `largest_error`: component of the error that is integrated; `largest`: component of the integral.
+        """
+    @property
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
     @property

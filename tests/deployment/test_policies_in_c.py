@@ -179,16 +179,18 @@ def test_steps_of_a_recurrent_policy_in_c_match_the_environment(tmp_path):
     assert steps > 100
 
 
+@pytest.mark.parametrize("integral_rate", [0.0, 5.0])
 @pytest.mark.parametrize("history", [1, 3, [0, 1, 4, 9]])
-def test_steps_in_c_match_the_environment(history, tmp_path):
+def test_steps_in_c_match_the_environment(history, integral_rate, tmp_path):
     """The same episode, seen scaled by onnxruntime and in units by C."""
     rng = np.random.default_rng(7)
     size = 16 * len(history_ages(history))
     constants = {"v": rng.normal(0.0, 0.05, (size, 3)), "c": rng.normal(0.0, 0.1, 3)}
     nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
-    file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=size, history=history, max_wheel_torque=0.3)
+    options = {"integral_rate": integral_rate, "max_wheel_torque": 0.3}
+    file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=size, history=history, **options)
     policy, in_c = OnnxPolicy(file), CPolicy(tmp_path, policy_header(file))
-    scaled = bb.BalanceEnv(history=history, max_wheel_torque=0.3)
+    scaled = bb.BalanceEnv(history=history, **options)
     plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3)
     largest = steps = 0
     for seed in range(10):

@@ -166,7 +166,7 @@ def of_policy(given: Conditions, policy: str) -> Shares:
     act = found.policy
     assert act is not None
     assert not isinstance(act, Recurrent)
-    options = {name: found.env_options[name] for name in ("history", "scale_by_robot")}
+    options = {name: found.env_options[name] for name in ("history", "scale_by_robot", "integral_rate")}
     return judged(given, lambda _, rows: np.asarray(act(rows)), options)
 
 

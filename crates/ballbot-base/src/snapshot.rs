@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 pub const MAGIC: [u8; 4] = *b"BBOT";
 
 /// Version of the layout of all snapshots; incremented whenever a layout changes.
-pub const VERSION: u16 = 10;
+pub const VERSION: u16 = 11;
 
 const HEADER_LEN: usize = MAGIC.len() + size_of::<u16>();
 const CHECKSUM_LEN: usize = size_of::<u32>();

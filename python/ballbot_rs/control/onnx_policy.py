@@ -33,7 +33,7 @@ PREFIX = "ballbot."
 OF_STATE: Final = "state"
 
 #: Options of an environment, all numbers, on which the actions of its policies depend.
-ACTING: Final = ("control_dt", "sim_dt", "max_wheel_torque", "scale_observations", "scale_by_robot")
+ACTING: Final = ("control_dt", "sim_dt", "max_wheel_torque", "scale_observations", "scale_by_robot", "integral_rate")
 
 #: Tasks whose policies can follow setpoints.
 FOLLOWING: Final = ("balance", "push", "goal", "velocity")

@@ -1,6 +1,7 @@
 """A policy as a C99 header."""
 
 import re
+from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
@@ -16,13 +17,16 @@ from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import description_of
 from ballbot_rs.envs.spaces import history_ages
 
+_POSITION: Final = tuple(f"ball position from the setpoint, heading {axis}" for axis in "xy")
+_VELOCITY: Final = tuple(f"ball velocity, heading {axis}" for axis in "xy")
+
 #: Rows of observations, by their names, from a `ballbot_view`, a state, a setpoint and the last action.
 _ROWS: Final = {
     **{f"gravity direction, body {axis}": f"view.gravity[{i}]" for i, axis in enumerate("xyz")},
     **{f"body rate about body {axis}": f"state->rate[{i}]" for i, axis in enumerate("xyz")},
     **{f"wheel speed {i}": f"state->wheel_speeds[{i}]" for i in range(3)},
-    **{f"ball position from the setpoint, heading {axis}": f"view.position[{i}]" for i, axis in enumerate("xy")},
-    **{f"ball velocity, heading {axis}": f"view.velocity[{i}]" for i, axis in enumerate("xy")},
+    **{row: f"view.position[{i}]" for i, row in enumerate(_POSITION)},
+    **{row: f"view.velocity[{i}]" for i, row in enumerate(_VELOCITY)},
     **{f"commanded velocity, heading {axis}": f"view.commanded[{i}]" for i, axis in enumerate("xy")},
     "commanded rate of the heading": "setpoint->yaw_rate",
     **{
@@ -81,13 +85,18 @@ def policy_header(
     observe = _observe(rows)
     head = comment(_head(policy, options, rows, has_observe=bool(observe)))
     viewed = (piece("state"), piece("view")) if observe else ()
+    step = piece("policy")
+    if policy.state_len:
+        step = _with(step, _OF_STATE)
+    if batch.integral is not None:
+        step = _with(step, _OF_INTEGRAL)
     parts = (
         piece("real"),
         *viewed,
-        "/* ---- Constants, SI units. */\n\n" + _scaling(options, rows, policy.state_len) + weights,
+        "/* ---- Constants, SI units. */\n\n" + _scaling(options, rows, policy.state_len, batch.integral) + weights,
         piece("policy_sum"),
         act,
-        _with_state(piece("policy")) if policy.state_len else piece("policy"),
+        step,
         observe,
     )
     return guarded("policy", "policy", head, "\n".join(part for part in parts if part))
@@ -101,14 +110,25 @@ _OF_STATE: Final = {
 }
 
 
-def _with_state(text: str) -> str:
-    for old, new in _OF_STATE.items():
+#: What they have for a policy that observes the integral of the position error, too.
+_OF_INTEGRAL: Final = {
+    "    int newest; ": f"    {'ballbot_real integral[2];':<69} /* of the position error, for x and y */\n    int newest; ",
+    "{{0}, {0},": "{{0}, {0}, {0},",
+    "/* Wheel torques for the next": piece("policy_integral") + "/* Wheel torques for the next",
+    "    policy->started = 1;\n": "    ballbot_policy_integrate(policy);\n    policy->started = 1;\n",
+}
+
+
+def _with(text: str, changes: Mapping[str, str]) -> str:
+    for old, new in changes.items():
         assert text.count(old) == 1
         text = text.replace(old, new)
     return text
 
 
-def _scaling(options: dict[str, Any], rows: list[dict[str, Any]], state_len: int) -> str:
+def _scaling(
+    options: dict[str, Any], rows: list[dict[str, Any]], state_len: int, integral: Mapping[str, float] | None
+) -> str:
     is_scaled = options["scale_observations"]
     numbers = {
         "control_dt": options["control_dt"],
@@ -120,11 +140,17 @@ def _scaling(options: dict[str, Any], rows: list[dict[str, Any]], state_len: int
         "rest": [row["rest"] if is_scaled else 0.0 for row in rows],
         "gain": [1.0 / row["typical"] if is_scaled else 1.0 for row in rows],
     }
+    numbers |= {f"integral_{name}": value for name, value in (integral or {}).items()}
     ages = history_ages(options["history"])
     text = f"#define BALLBOT_POLICY_ROWS {len(rows)}\n#define BALLBOT_POLICY_HISTORY {len(ages)}\n"
     text += f"#define BALLBOT_POLICY_OLDEST {ages[-1]}\n"
     text += f"#define BALLBOT_POLICY_STATE {state_len}\n" if state_len else ""
     text += f"static const int BALLBOT_POLICY_AGES[] = {{{', '.join(map(str, ages))}}};\n"
+    if integral is not None:
+        names = [row["name"] for row in rows]
+        for of, (x, y) in {"position": _POSITION, "velocity": _VELOCITY}.items():
+            places = f"{names.index(x)}, {names.index(y)}"
+            text += f"static const int BALLBOT_POLICY_{of.upper()}[] = {{{places}}}; /* rows */\n"
     text += "".join(
         f"#define BALLBOT_POLICY_{name.upper()} ((ballbot_real){number(value)})\n" for name, value in numbers.items()
     )
@@ -177,6 +203,11 @@ def _head(policy: OnnxPolicy, options: dict[str, Any], rows: list[dict[str, Any]
         "",
         f"Torques: the action within [-1, 1] times BALLBOT_POLICY_MAX_TORQUE = {options['max_wheel_torque']:.6g} N m.",
         f"Rows: saturated, then {scaled}; {_seen(options['history'])}",
+        *(
+            ["The position error that the network sees grows by its integral while the robot rests off the setpoint."]
+            if options["integral_rate"]
+            else []
+        ),
         *(
             [f"The network is recurrent: `ballbot_policy` has its state, {policy.state_len} numbers."]
             if policy.state_len

@@ -111,6 +111,9 @@ class BalanceEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -325,6 +328,9 @@ class VelocityEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -547,6 +553,9 @@ class GoalEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -779,6 +788,9 @@ class PathEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -987,6 +999,9 @@ class PushEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1208,6 +1223,9 @@ class CarryEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1441,6 +1459,9 @@ class NavigateEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1675,6 +1696,9 @@ class RideEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1920,6 +1944,9 @@ class TerrainEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -2124,6 +2151,9 @@ class OpenBallBotEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
+    - `integral_rate`: Integral action: rate at which the integral of the observed position error is added to it, so
+      that the error grows while the robot rests away from the setpoint. The integral hardly changes while the ball
+      moves. 0 for none. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode

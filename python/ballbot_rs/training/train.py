@@ -1,11 +1,12 @@
 """A training run, from a configuration to a folder with the best policy in it."""
 
+import contextlib
 import dataclasses
 import importlib
 import math
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -117,7 +118,8 @@ def train(
         keep_best = _keep_best(config, folder, seed, stops)
         if config.teacher is not None and law is not None:
             began = time.perf_counter()
-            teacher.fit(model, law, config.teacher, seed, tell, ties)
+            with _without_integral(model, config, seed):
+                teacher.fit(model, law, config.teacher, seed, tell, ties)
             run_folder.add_fit_time(folder, time.perf_counter() - began)
             if trials is not None and ties is not None:
                 Checkpoints(folder / run_folder.FIT).keep(model, is_due=False)
@@ -269,6 +271,24 @@ def _environment(config: TrainConfig) -> VecEnv:
         )
     )
     return environment if config.reward_scale == 1.0 else ScaledRewards(environment, config.reward_scale)
+
+
+@contextlib.contextmanager
+def _without_integral(model: BaseAlgorithm, config: TrainConfig, seed: int) -> Iterator[None]:
+    """Gives a model environments in which the position error is observed as it is, as the law of a teacher acts on it."""
+    if not config.env.get("integral_rate"):
+        yield
+        return
+    whole = model.env
+    assert whole is not None
+    plain = _environment(dataclasses.replace(config, env={**config.env, "integral_rate": 0.0}))
+    model.set_env(plain)
+    run_state.seed_environments(model, first_seed(seed))
+    try:
+        yield
+    finally:
+        model.set_env(whole)
+        plain.close()
 
 
 def _linear(initial: float, total: int, most: int) -> Callable[[float], float]:

@@ -94,7 +94,8 @@ fn a_policy_acts_as_in_its_environment() {
     acts_as_in::<Balance>("paper", &[], &[0.0], own);
     acts_as_in::<Balance>("kugle", &[("scale_by_robot", &[1.0])], &[0.0, 1.0, 4.0], own);
     acts_as_in::<Balance>("paper", &[("scale_observations", &[0.0]), ("max_wheel_torque", &[0.3])], &[0.0, 1.0], own);
-    acts_as_in::<Push>("asroballet", &[], &[0.0], own);
+    acts_as_in::<Balance>("kugle", &[("scale_by_robot", &[1.0]), ("integral_rate", &[8.0])], &[0.0, 1.0, 4.0], own);
+    acts_as_in::<Push>("asroballet", &[("integral_rate", &[5.0])], &[0.0], own);
     acts_as_in::<Goal>("paper", &[], &[0.0, 2.0], own);
     acts_as_in::<Velocity>("rezero", &[], &[0.0], velocity);
 }

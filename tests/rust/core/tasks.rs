@@ -2,6 +2,7 @@
 
 mod contract;
 mod goal;
+mod integral;
 mod path;
 mod push;
 mod scaled;

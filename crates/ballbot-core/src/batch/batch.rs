@@ -9,6 +9,7 @@ use super::env::robots::Single;
 use super::env::task_step::TaskStep;
 use super::events::{Plan, Stages};
 use super::history::History;
+use super::integral::Integral;
 use super::pieces::pieces;
 use super::stage::Staged;
 use crate::actuator::Actuator;
@@ -361,6 +362,15 @@ impl Batch {
     pub fn row_scaling(&self, index: usize) -> Result<Option<&RowScaling>> {
         let (chunk, _) = self.locate(index)?;
         Ok(self.chunks[chunk].scaling())
+    }
+
+    /// The integral of the position error that one environment adds to its observation, if there is one.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn integral(&self, index: usize) -> Result<Option<&Integral>> {
+        let (chunk, _) = self.locate(index)?;
+        Ok(self.chunks[chunk].integral())
     }
 
     /// State of the robot of one environment.

@@ -2,6 +2,7 @@
 
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, invalid_event};
 use super::history::History;
+use super::integral::Integral;
 use super::levels::Levels;
 use super::observation_source::Observation;
 use super::scalars::{Scalar, ScalarOption, env_config};
@@ -42,6 +43,10 @@ env_config! {
             /// velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to a
             /// policy.
             pub scale_by_robot: bool = false, "", Limit::FINITE;
+            /// Integral action: rate at which the integral of the observed position error is added to it, so that the error
+            /// grows while the robot rests away from the setpoint. The integral hardly changes while the ball moves. 0 for
+            /// none. With `scale_by_robot` it is the rate on the paper's robot.
+            pub integral_rate: f64 = 0.0, "1/s", Limit::NOT_NEGATIVE.to(10.0);
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.
         pub params: Params = Params::paper();
@@ -303,6 +308,7 @@ impl<T: Task> EnvConfig<T> {
         self.stage.as_ref().map_or(Ok(()), |stage| stage.check(&TaskDescription::of::<T>()))?;
         self.check_terrain()?;
         self.perception()?;
+        Integral::of(self, &TaskDescription::of::<T>())?;
         let Some(plan) = self.plan()? else { return Ok(()) };
         check_effects(&self.events, self.model, &self.params)?;
         self.check_torque_limits(&plan)?;

@@ -17,6 +17,7 @@ mod episodes;
 mod events;
 mod external_motion;
 mod history;
+mod integral;
 mod levels;
 mod networks;
 mod observation_source;
@@ -40,6 +41,7 @@ pub use events::{
 };
 pub use external_motion::Outside;
 pub use history::History;
+pub use integral::Integral;
 pub use levels::Levels;
 pub use networks::{Layer, Networks};
 pub use observation_source::Observation;

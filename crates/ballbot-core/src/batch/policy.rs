@@ -2,6 +2,7 @@
 
 use super::config::EnvConfig;
 use super::history::History;
+use super::integral::Integral;
 use super::networks::{Layer, Networks};
 use super::registry::TaskConfig;
 use crate::control::{Controller, Followed, LaneSetpoint, Law, MOTION_PARTS, MovingFrame, Sample, Sampled};
@@ -82,10 +83,11 @@ fn of_task<T: Follow>(
         let expected = if cells.is_empty() { seen } else { format!("{width} units of the last cell") };
         return Err(Error::Inconsistent(format!("inputs of layer 0: {inputs}, expected {expected}")));
     }
-    let kept = T::MEMORY + ACTION_LEN + 1;
+    let kept = Policy::<T>::SEEN;
     let hidden = kept + (oldest + 1) * rows;
     let policy = Policy {
         scaling: config.row_scaling(&description),
+        integral: Integral::of(&config, &description)?,
         torque,
         frame: MovingFrame::new(params),
         rows,
@@ -197,11 +199,12 @@ impl Follow for Velocity {
 }
 
 /// A network of one task's observations. Its memory is the memory of the task, the last action, whether there is an
-/// observation, the observations from the newest to the oldest, of each cell its gates, outputs and state, and the values
+/// observation, the integral of the position error, the observations from the newest to the oldest, of each cell its gates, outputs and state, and the values
 /// of the layers.
 struct Policy<T> {
     task: T,
     scaling: Option<RowScaling>,
+    integral: Option<Integral>,
     /// Torque of an action of 1, N·m.
     torque: f64,
     frame: MovingFrame,
@@ -258,7 +261,8 @@ impl<L: Lane> Rows<L> for Observed<'_, L> {
 impl<T: Follow> Policy<T> {
     const LAST_ACTION: usize = T::MEMORY;
     const HAS_SEEN: usize = T::MEMORY + ACTION_LEN;
-    const SEEN: usize = T::MEMORY + ACTION_LEN + 1;
+    const INTEGRAL: usize = T::MEMORY + ACTION_LEN + 1;
+    const SEEN: usize = T::MEMORY + ACTION_LEN + 3;
 
     /// Keeps the observation of now; at first it replaces earlier observations. Returns the torques of the setpoint's
     /// motion.
@@ -271,6 +275,19 @@ impl<T: Follow> Policy<T> {
         self.task.observe(&Sensed { state: &state, last_action }, &sample.memory, &mut seen);
         let is_first = sample.memory.get(Self::HAS_SEEN).le(zero);
         sample.memory.set(Self::HAS_SEEN, zero.splat(1.0));
+        if let Some(integral) = &self.integral {
+            let last = [sample.memory.get(Self::INTEGRAL), sample.memory.get(Self::INTEGRAL + 1)];
+            let next = integral.next(
+                last,
+                #[inline(always)]
+                |row| seen.values[row],
+            );
+            for (i, row) in integral.places().into_iter().enumerate() {
+                let now = L::select(is_first, zero, next[i]);
+                sample.memory.set(Self::INTEGRAL + i, now);
+                seen.values[row] = Integral::shown(seen.values[row], now);
+            }
+        }
         for age in (1..=self.oldest).rev() {
             for row in 0..self.rows {
                 let place = Self::SEEN + age * self.rows + row;

@@ -42,6 +42,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use pyo3::{PyTraverseError, PyVisit};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Environments of one task that are stepped together in Rust; the basis of all front ends.
@@ -347,6 +348,15 @@ impl PyBatch {
         let scaling = inner.batch.row_scaling(0).map_err(to_python)?;
         let ones = || vec![1.0; inner.batch.task().rows.len()];
         Ok(PyArray1::from_vec(py, scaling.map_or_else(ones, |scaling| scaling.gain.clone())))
+    }
+
+    /// Integral action in the observation of the first robot, in multiples of the rows' typical magnitudes; None without
+    /// `integral_rate`. `rate`: growth in a control step per error; `slow`: speed of the ball at which half of it is left;
+    /// `largest_error`: component of the error that is integrated; `largest`: component of the integral.
+    #[getter]
+    fn integral(&self) -> PyResult<Option<BTreeMap<&'static str, f64>>> {
+        let inner = self.inner.read()?;
+        Ok(inner.batch.integral(0).map_err(to_python)?.map(|integral| integral.numbers().into_iter().collect()))
     }
 
     /// Steps after which an episode is truncated.

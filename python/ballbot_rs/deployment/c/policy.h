@@ -32,10 +32,10 @@ static inline void ballbot_policy_step(
         policy->newest = policy->newest < BALLBOT_POLICY_OLDEST ? policy->newest + 1 : 0;
         policy->oldest = policy->oldest < BALLBOT_POLICY_OLDEST ? policy->oldest + 1 : BALLBOT_POLICY_OLDEST;
     }
-    policy->started = 1;
     for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {
         policy->past[policy->newest * BALLBOT_POLICY_ROWS + i] = ballbot_policy_row(i, rows[i]);
     }
+    policy->started = 1;
     for (k = 0; k < BALLBOT_POLICY_HISTORY; k++) {
         /* The first observation also replaces earlier observations. */
         const int age = BALLBOT_POLICY_AGES[k] < policy->oldest ? BALLBOT_POLICY_AGES[k] : policy->oldest;

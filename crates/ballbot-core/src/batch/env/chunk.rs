@@ -4,6 +4,7 @@ use crate::batch::autoreset::Autoreset;
 use crate::batch::buffers::StepBuffers;
 use crate::batch::drawn_law::Design;
 use crate::batch::events::Stages;
+use crate::batch::integral::Integral;
 use crate::batch::stage::ChunkResults;
 use crate::control::Controller;
 use crate::sensor::Readings;
@@ -28,6 +29,9 @@ pub trait Chunk: Send + Sync {
 
     /// Scaling of the rows of an observation, if they are scaled.
     fn scaling(&self) -> Option<&RowScaling>;
+
+    /// The integral of the position error, if it is observed.
+    fn integral(&self) -> Option<&Integral>;
 
     /// The ground; `None` for level ground.
     fn ground(&self) -> Option<&Ground>;

@@ -12,6 +12,8 @@ lane_struct! {
         /// The step at which this episode is truncated.
         pub limit: T,
         pub last_action: Wheels<T>,
+        /// As [`Integral`](crate::batch::integral::Integral) adds it to the observation.
+        pub integral: [T; 2],
         /// The step from which a new command is due.
         pub next_command: T,
         pub reward: T,
@@ -88,12 +90,13 @@ impl<C: Cell> Ledger<C> {
 
     /// Whether a saved ledger may replace this ledger: same sizes, valid numbers.
     pub fn fits(&self, saved: &Ledger<f64>) -> bool {
-        let Episode { steps, limit, last_action, reward, origin, level, .. } = saved.episode;
+        let Episode { steps, limit, last_action, integral, reward, origin, level, .. } = saved.episode;
         let mut numbers = saved
             .parts()
             .into_iter()
             .flatten()
             .chain(&last_action)
+            .chain(&integral)
             .chain(&origin)
             .chain([&steps, &limit, &reward, &level]);
         // All of them are shown or squared without further checks.

@@ -26,6 +26,7 @@ use crate::batch::buffers::{Outcome, StepBuffers};
 use crate::batch::config::EnvConfig;
 use crate::batch::drawn_law::{Design, Drawn, DrawnLaws};
 use crate::batch::events::{Plan, Randomized, Setup, Source, Stages, key_of};
+use crate::batch::integral::Integral;
 use crate::batch::stage::ChunkResults;
 use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
@@ -328,6 +329,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn scaling(&self) -> Option<&RowScaling> {
         self.step.scaling()
+    }
+
+    fn integral(&self) -> Option<&Integral> {
+        self.step.integral()
     }
 
     fn ground(&self) -> Option<&Ground> {

@@ -4,6 +4,7 @@ use super::ledger::{Ledger, Sizes};
 use super::measure::Measured;
 use crate::actuator::Actuator;
 use crate::batch::config::EnvConfig;
+use crate::batch::integral::Integral;
 use crate::batch::stage::CustomStage;
 use crate::perception::Perception;
 use crate::sensor::Sensor;
@@ -22,6 +23,7 @@ pub struct TaskStep<T, S> {
     pub sensor: S,
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
+    integral: Option<Integral>,
     control_dt: f64,
     terrain: Option<Arc<Terrain>>,
     /// Half lengths of the terrain, or of a terrain tile, along x and y, m.
@@ -48,7 +50,7 @@ pub struct Simulated<L: Lane> {
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// # Errors
-    /// The errors of [`EnvConfig::perception`].
+    /// The errors of [`EnvConfig::perception`] and [`Integral::of`].
     pub fn new(
         actuator: &impl Actuator,
         sensor: S,
@@ -60,6 +62,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             task: config.task.clone(),
             scales: config.reward.values().collect(),
             scaling: config.row_scaling(description),
+            integral: Integral::of(config, description)?,
             control_dt: config.control_dt,
             terrain: config.terrain.clone(),
             half_size: config
@@ -103,6 +106,11 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// Scaling of the rows, if they are scaled.
     pub fn scaling(&self) -> Option<&RowScaling> {
         self.scaling.as_ref()
+    }
+
+    /// The integral of the position error, if it is observed.
+    pub fn integral(&self) -> Option<&Integral> {
+        self.integral.as_ref()
     }
 
     /// How many rows an observation has.
@@ -193,6 +201,9 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         action.store(&mut episode.last_action);
         let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
         self.task.observe(&Sensed { state: measured, last_action: action }, &memory, &mut rows);
+        if let Some(integral) = &self.integral {
+            integral.apply::<L>(token, observation, &mut episode.integral, true);
+        }
     }
 
     /// [`TaskStep::run`] of one robot. It has no other generic parameters, so that it is compiled once for all models
@@ -233,5 +244,8 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let mut rows = WriteRows { cells: &mut ledger.observation, scaling: self.scaling.as_ref(), next: 0 };
         let memory = Memory::new(Scalar, &mut ledger.task);
         self.task.observe(&Sensed { state: measured, last_action }, &memory, &mut rows);
+        if let Some(integral) = &self.integral {
+            integral.apply::<f64>(Scalar, &mut ledger.observation, &mut ledger.episode.integral, false);
+        }
     }
 }

@@ -1,0 +1,113 @@
+//! Integral action of a policy, in what it observes.
+
+use super::config::EnvConfig;
+use crate::task::{SCALED_BOUND, Task, TaskDescription};
+use ballbot_base::error::{Error, Result};
+use ballbot_base::lanes::Lane;
+use ballbot_models::Scale;
+
+/// Names of the rows in question, for x and y.
+const POSITION: [&str; 2] =
+    ["ball position from the setpoint, heading x", "ball position from the setpoint, heading y"];
+const VELOCITY: [&str; 2] = ["ball velocity, heading x", "ball velocity, heading y"];
+
+/// Speed of the ball at which the integral grows half as fast as at rest. Else it would grow while a robot returns from
+/// far away, and the robot would pass the setpoint.
+const SLOW: f64 = 0.15;
+
+/// Largest component of the error that is integrated, and of the integral.
+const LARGEST_ERROR: f64 = 2.0;
+const LARGEST: f64 = 3.0;
+
+/// Adds its integral to the position error that a policy observes. All numbers are multiples of the rows' typical
+/// magnitudes, as scaled observations are.
+#[derive(Clone, Debug)]
+pub struct Integral {
+    /// Growth in a control step per error.
+    rate: f64,
+    /// Places of the rows.
+    position: [usize; 2],
+    velocity: [usize; 2],
+}
+
+impl Integral {
+    /// The integral of an environment, if it has one.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a task without the rows, or for observations that are not scaled.
+    pub(super) fn of<T: Task>(config: &EnvConfig<T>, description: &TaskDescription) -> Result<Option<Self>> {
+        let rate = config.integral_rate;
+        if rate == 0.0 {
+            return Ok(None);
+        }
+        let place = |name: &str| {
+            description.rows.iter().position(|row| row.name == name).ok_or_else(|| {
+                Error::Inconsistent(format!("integral_rate = {rate}: the task {} does not observe the {name}", T::NAME))
+            })
+        };
+        let places = |[x, y]: [&str; 2]| Ok::<_, Error>([place(x)?, place(y)?]);
+        let (position, velocity) = (places(POSITION)?, places(VELOCITY)?);
+        if !config.scale_observations {
+            return Err(Error::Inconsistent(format!("integral_rate = {rate} needs scale_observations")));
+        }
+        let time = if config.scale_by_robot { Scale::of(&config.params).time } else { 1.0 };
+        Ok(Some(Self { rate: rate * config.control_dt / time, position, velocity }))
+    }
+
+    /// Its numbers by name, for implementations elsewhere: the growth in a control step per error, the speed of the ball
+    /// at which half of it is left, the largest error that is integrated, and the largest integral.
+    pub fn numbers(&self) -> [(&'static str, f64); 4] {
+        [("rate", self.rate), ("slow", SLOW), ("largest_error", LARGEST_ERROR), ("largest", LARGEST)]
+    }
+
+    /// The rows of the position error.
+    pub(super) fn places(&self) -> [usize; 2] {
+        self.position
+    }
+
+    /// The integral after a step with these rows of an observation.
+    #[inline(always)]
+    pub(super) fn next<L: Lane>(&self, integral: [L; 2], row: impl Fn(usize) -> L) -> [L; 2] {
+        let [vx, vy] = [row(self.velocity[0]), row(self.velocity[1])];
+        let one = vx.splat(1.0);
+        let share = one / (one + (vx * vx + vy * vy) * SLOW.powi(-2)) * self.rate;
+        let within = |value: L, most: f64| value.min(one * most).max(-(one * most));
+        let [x, y] = [row(self.position[0]), row(self.position[1])];
+        let [at_x, at_y] = integral;
+        [
+            within(at_x + within(x, LARGEST_ERROR) * share, LARGEST),
+            within(at_y + within(y, LARGEST_ERROR) * share, LARGEST),
+        ]
+    }
+
+    /// The position error that is observed.
+    #[inline(always)]
+    pub(super) fn shown<L: Lane>(error: L, integral: L) -> L {
+        let bound = error.splat(f64::from(SCALED_BOUND));
+        (error + integral).min(bound).max(-bound)
+    }
+
+    /// Adds the integral to the rows of an observation, which it takes a step further if `steps`.
+    #[inline(always)]
+    pub(super) fn apply<L: Lane>(
+        &self,
+        token: L::Token,
+        rows: &mut [L::Cell],
+        integral: &mut [L::Cell; 2],
+        steps: bool,
+    ) {
+        let mut now = [L::load(token, &integral[0]), L::load(token, &integral[1])];
+        if steps {
+            now = self.next(
+                now,
+                #[inline(always)]
+                |place| L::load(token, &rows[place]),
+            );
+        }
+        for i in 0..2 {
+            let row = &mut rows[self.position[i]];
+            Self::shown(L::load(token, row), now[i]).store(row);
+            now[i].store(&mut integral[i]);
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Integral action in the observation of the position error.
+
+use super::{config, run_of};
+use crate::run::Run;
+use ballbot_core::batch::{Autoreset, Under};
+use ballbot_core::control::Lqr;
+use ballbot_core::task::ACTION_LEN;
+use ballbot_core::{Error, Params};
+
+const N: usize = 9;
+
+/// Robots under the regulator, which does not see the integral, and their observations after each step.
+fn observed(run: &mut Run, steps: usize) -> Vec<Vec<f32>> {
+    let lqr = Lqr::new(&Params::paper(), run.batch.control_dt()).unwrap();
+    let mut actions = vec![0.0; N * ACTION_LEN];
+    let step = |_| {
+        run.step_under(&Under::new(&lqr), &mut actions).unwrap();
+        run.observations.clone()
+    };
+    (0..steps).map(step).collect()
+}
+
+fn leaning(rate: f64) -> Run {
+    // The robots rest off the setpoint, on a floor that is not level.
+    let options: &[(&str, &[f64])] = &[
+        ("scale_observations", &[1.0]),
+        ("integral_rate", &[rate]),
+        ("reset_tilt", &[0.1]),
+        ("max_episode_steps", &[400.0]),
+    ];
+    let mut config = config("balance", options);
+    config.set_params(Params { floor_tilt: [0.02, -0.03], ..Params::paper() });
+    run_of(&*config, N)
+}
+
+#[test]
+fn the_observed_position_error_grows_by_its_integral_at_rest() {
+    const RATE: f64 = 4.0;
+    let [mut plain, mut with] = [0.0, RATE].map(leaning);
+    assert_eq!(plain.observations, with.observations);
+    let names: Vec<_> = plain.batch.task().rows.iter().map(|row| row.name).collect();
+    let place = |name: &str| names.iter().position(|other| *other == name).unwrap();
+    let position = ["x", "y"].map(|axis| place(&format!("ball position from the setpoint, heading {axis}")));
+    let velocity = ["x", "y"].map(|axis| place(&format!("ball velocity, heading {axis}")));
+    let (mut integral, mut largest) = ([[0.0_f64; 2]; N], [0.0_f64; 2]);
+    for (k, (alone, shown)) in observed(&mut plain, 900).iter().zip(observed(&mut with, 900)).enumerate() {
+        for (i, integral) in integral.iter_mut().enumerate() {
+            let row = |rows: &[f32], place: usize| f64::from(rows[i * names.len() + place]);
+            let begins = k % 400 == 399;
+            let speed = velocity.map(|place| row(alone, place));
+            let slow = 1.0 / (1.0 + (speed[0].powi(2) + speed[1].powi(2)) / 0.15_f64.powi(2));
+            for (axis, place) in position.into_iter().enumerate() {
+                let error = row(alone, place);
+                let next = integral[axis] + error.clamp(-2.0, 2.0) * slow * RATE * 0.01;
+                integral[axis] = if begins { 0.0 } else { next.clamp(-3.0, 3.0) };
+                let expected = (error + integral[axis]).clamp(-10.0, 10.0);
+                assert!((row(&shown, place) - expected).abs() < 1e-4, "step {k}, robot {i}: {expected}");
+                largest[axis] = largest[axis].max(integral[axis].abs());
+            }
+            let others = (0..names.len()).filter(|place| !position.contains(place));
+            others.for_each(|place| assert!(row(alone, place) == row(&shown, place), "step {k}: {}", names[place]));
+        }
+    }
+    assert!(largest.iter().all(|one| *one > 1.0), "{largest:?}");
+}
+
+#[test]
+fn a_loaded_environment_continues_with_its_integral() {
+    let [mut run, mut other] = [leaning(4.0), leaning(4.0)];
+    observed(&mut run, 150);
+    for i in 0..N {
+        other.batch.load((i + 2) % N, &run.batch.save(i).unwrap()).unwrap();
+    }
+    let rows = run.observations.len() / N;
+    for (ours, theirs) in observed(&mut run, 100).iter().zip(observed(&mut other, 100)) {
+        for i in 0..N {
+            assert_eq!(ours[i * rows..][..rows], theirs[(i + 2) % N * rows..][..rows]);
+        }
+    }
+    let error = leaning(0.0).batch.load(0, &run.batch.save(0).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("options of its task differ"), "{error}");
+}
+
+#[test]
+fn an_integral_needs_a_scaled_position_error() {
+    let error = |task: &str, scaled: f64, rate: f64| {
+        let options: &[(&str, &[f64])] = &[("scale_observations", &[scaled]), ("integral_rate", &[rate])];
+        config(task, options).batch(1, Autoreset::Disabled, Some(1), 0).err().unwrap()
+    };
+    assert_eq!(
+        error("velocity", 1.0, 2.0).to_string(),
+        "integral_rate = 2: the task velocity does not observe the ball position from the setpoint, heading x"
+    );
+    assert_eq!(error("balance", 0.0, 2.0).to_string(), "integral_rate = 2 needs scale_observations");
+    for rate in [-0.1, 10.1, f64::NAN] {
+        assert!(matches!(error("balance", 1.0, rate), Error::OutOfRange { .. }));
+    }
+}
