@@ -13,6 +13,7 @@ from ballbot_rs.control import network_file
 from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
 from ballbot_rs.control.resolve import find
 from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.viewer.session.drivers import PolicyDriver
 
 POLICIES = Path("assets/policies")
 NAMES = sorted(path.stem for path in POLICIES.glob("*.onnx") if bb.OnnxPolicy(path).task in FOLLOWING)
@@ -40,6 +41,24 @@ def test_a_controller_acts_as_onnx_runtime(name: str, robot: str) -> None:
         action = policy.act(observations)
         np.testing.assert_allclose(law(state, **setpoint), action[0] * batch.max_wheel_torque, atol=1e-5)
         observations = batch.step(action)[0]
+
+
+def test_the_page_moves_a_robot_that_rests_beside_its_setpoint_as_the_controller_does() -> None:
+    path, robot = POLICIES / "balance-any.onnx", bb.Params.preset("kugle")
+    policy = bb.OnnxPolicy(path)
+    assert policy.env_options["integral_rate"] > 0.0
+    law, driver = policy.controller(robot), PolicyDriver(find(str(path)), robot, 1)
+    rest = bb.State.at_rest(robot)
+    beside = np.array([0.03, -0.02, 0.0])
+    state = rest.replace(ball_position=rest.ball_position + beside, body_position=rest.body_position + beside)
+    for _ in range(2):
+        expected = np.array([law(state) for _ in range(300)])
+        torques = np.array([driver.torques([state], (0.0, 0.0))[0] for _ in range(300)])
+        np.testing.assert_allclose(torques, expected, atol=1e-5 * driver.max_torque)
+        # The history has nothing new after 0.6 s.
+        assert np.abs(torques[-1] - torques[70]).max() > 0.02 * driver.max_torque
+        law.reset()
+        driver.reset()
 
 
 def test_robots_follow_a_circle_together_and_alone() -> None:

@@ -10,9 +10,10 @@ from ballbot_rs import _files
 from ballbot_rs._short import number
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
+from ballbot_rs.control.resolve import find
 from ballbot_rs.envs.family import sample_robots
 from ballbot_rs.media.report import origin
-from ballbot_rs.training import config, run_folder
+from ballbot_rs.training import config, run_folder, teacher
 from tests.support.killed_training import weights
 
 SMALL = {
@@ -58,6 +59,22 @@ def test_a_run_is_of_a_family_and_drives_other_robots(run):
     # Tools for one robot take the first.
     map_of_one = recovery_map.collect(str(run), rings=1, sectors=3, seconds=1.0, env_options={"events": None})
     assert map_of_one is not None
+
+
+def test_the_fit_is_to_the_position_error_itself(tmp_path, monkeypatch):
+    """The law has no integral action: with the integral in the observation its actions would be of another place."""
+    rates, fit = [], teacher.fit
+
+    def observed(model, *arguments):
+        (options,) = model.get_env().get_attr("task_options", [0])
+        rates.append(options["integral_rate"])
+        fit(model, *arguments)
+
+    monkeypatch.setattr(teacher, "fit", observed)
+    train(tmp_path / "run")
+    assert rates == [0.0]
+    usual = config.parse(config.default_text("balance", "any"), "balance-any.toml").env["integral_rate"]
+    assert find(str(tmp_path / "run")).env_options["integral_rate"] == usual > 0.0
 
 
 def test_the_time_of_the_fit_is_recorded(run):

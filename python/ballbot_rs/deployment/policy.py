@@ -9,6 +9,7 @@ from typing import Any, Final
 from ballbot_rs import __version__
 from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND
 from ballbot_rs._robot import Robot
+from ballbot_rs.control.observed_integral import POSITION, VELOCITY
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
@@ -17,16 +18,13 @@ from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import description_of
 from ballbot_rs.envs.spaces import history_ages
 
-_POSITION: Final = tuple(f"ball position from the setpoint, heading {axis}" for axis in "xy")
-_VELOCITY: Final = tuple(f"ball velocity, heading {axis}" for axis in "xy")
-
 #: Rows of observations, by their names, from a `ballbot_view`, a state, a setpoint and the last action.
 _ROWS: Final = {
     **{f"gravity direction, body {axis}": f"view.gravity[{i}]" for i, axis in enumerate("xyz")},
     **{f"body rate about body {axis}": f"state->rate[{i}]" for i, axis in enumerate("xyz")},
     **{f"wheel speed {i}": f"state->wheel_speeds[{i}]" for i in range(3)},
-    **{row: f"view.position[{i}]" for i, row in enumerate(_POSITION)},
-    **{row: f"view.velocity[{i}]" for i, row in enumerate(_VELOCITY)},
+    **{row: f"view.position[{i}]" for i, row in enumerate(POSITION)},
+    **{row: f"view.velocity[{i}]" for i, row in enumerate(VELOCITY)},
     **{f"commanded velocity, heading {axis}": f"view.commanded[{i}]" for i, axis in enumerate("xy")},
     "commanded rate of the heading": "setpoint->yaw_rate",
     **{
@@ -112,7 +110,7 @@ _OF_STATE: Final = {
 
 #: What they have for a policy that observes the integral of the position error, too.
 _OF_INTEGRAL: Final = {
-    "    int newest; ": f"    {'ballbot_real integral[2];':<69} /* of the position error, for x and y */\n    int newest; ",
+    "    int newest; ": f"    {'ballbot_real integral[2];':<69} /* of the position error */\n    int newest; ",
     "{{0}, {0},": "{{0}, {0}, {0},",
     "/* Wheel torques for the next": piece("policy_integral") + "/* Wheel torques for the next",
     "    policy->started = 1;\n": "    ballbot_policy_integrate(policy);\n    policy->started = 1;\n",
@@ -148,7 +146,7 @@ def _scaling(
     text += f"static const int BALLBOT_POLICY_AGES[] = {{{', '.join(map(str, ages))}}};\n"
     if integral is not None:
         names = [row["name"] for row in rows]
-        for of, (x, y) in {"position": _POSITION, "velocity": _VELOCITY}.items():
+        for of, (x, y) in {"position": POSITION, "velocity": VELOCITY}.items():
             places = f"{names.index(x)}, {names.index(y)}"
             text += f"static const int BALLBOT_POLICY_{of.upper()}[] = {{{places}}}; /* rows */\n"
     text += "".join(

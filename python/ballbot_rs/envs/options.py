@@ -201,9 +201,10 @@ class CommonOptions(TypedDict, total=False):
     #: velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to a
     #: policy.
     scale_by_robot: bool
-    #: Integral action: rate at which the integral of the observed position error is added to it, so that the error
-    #: grows while the robot rests away from the setpoint. The integral hardly changes while the ball moves. 0 for none.
-    #: With `scale_by_robot` it is the rate on the paper's robot. (1/s, >= 0 and <= 10)
+    #: Integral action of a policy: rate of the integral of the position error, which is added to the observed error, so
+    #: that this grows while the robot rests away from the setpoint. The integral hardly changes while the ball moves,
+    #: and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the error have it,
+    #: `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (1/s, >= 0 and <= 10)
     integral_rate: float
     #: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest first.
     #: docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)

@@ -43,12 +43,13 @@ Array = npt.NDArray[np.float64]
 #: Weights and biases of each layer, from observations to actions.
 Network = list[tuple[Array, Array]]
 
-#: Azimuths of tilts and pushes, rad, of the first robot. Each next robot has them turned by the golden angle: where all
-#: robots had the same azimuths, policies fell between them.
-AZIMUTHS: Final = np.radians([0.0, 75.0, 160.0, 255.0])
+#: Azimuths of tilts and pushes, rad: in the two mirror planes of the wheels, where policies fall first, and midway. The
+#: last is of the first robot, and each next robot has it turned by the golden angle: where all robots had the same
+#: azimuths, policies fell between them.
+AZIMUTHS: Final = np.radians([0.0, 60.0, 30.0, 75.0])
 _GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
 #: Of the largest tilt and push from which the law recovers.
-FRACTIONS: Final = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+FRACTIONS: Final = np.array([0.5, 0.65, 0.75, 0.85, 0.9, 0.95])
 #: Time in which a robot recovers or falls, s. Some fall later, after they have rocked more and more; trials of 8 s take
 #: longer and gave no better policies.
 SECONDS: Final = 2.6
@@ -239,7 +240,9 @@ class Trials:
                 f"refinement.hardest = {settings.hardest} and refinement.others = {settings.others} are more than "
                 f"the {len(robots)} robots of refinement.robots"
             )
-        self._begin_with(robots, AZIMUTHS + _GOLDEN_ANGLE * np.arange(len(robots))[:, None])
+        azimuths = np.tile(AZIMUTHS, (len(robots), 1))
+        azimuths[:, -1] += _GOLDEN_ANGLE * np.arange(len(robots))
+        self._begin_with(robots, azimuths)
 
     def _begin_with(self, robots: list[Params], azimuths: Array) -> None:
         """Makes the environments of some robots; azimuths have the shape (robots, azimuths)."""

@@ -275,7 +275,7 @@ def _environment(config: TrainConfig) -> VecEnv:
 
 @contextlib.contextmanager
 def _without_integral(model: BaseAlgorithm, config: TrainConfig, seed: int) -> Iterator[None]:
-    """Gives a model environments in which the position error is observed as it is, as the law of a teacher acts on it."""
+    """Gives a model environments in which the position error is observed as it is, as a teacher's law acts on it."""
     if not config.env.get("integral_rate"):
         yield
         return

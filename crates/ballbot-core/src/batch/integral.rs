@@ -1,7 +1,7 @@
 //! Integral action of a policy, in what it observes.
 
 use super::config::EnvConfig;
-use crate::task::{SCALED_BOUND, Task, TaskDescription};
+use crate::task::{Task, TaskDescription};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 use ballbot_models::Scale;
@@ -19,7 +19,10 @@ const SLOW: f64 = 0.15;
 const LARGEST_ERROR: f64 = 2.0;
 const LARGEST: f64 = 3.0;
 
-/// Adds its integral to the position error that a policy observes. All numbers are multiples of the rows' typical
+/// Largest error that is observed. From farther away a policy that has seldom been there returns too fast to stop.
+const LARGEST_SHOWN: f64 = 6.0;
+
+/// Adds its integral to the position error that a policy observes, and limits the sum. All numbers are multiples of the rows' typical
 /// magnitudes, as scaled observations are.
 #[derive(Clone, Debug)]
 pub struct Integral {
@@ -55,9 +58,16 @@ impl Integral {
     }
 
     /// Its numbers by name, for implementations elsewhere: the growth in a control step per error, the speed of the ball
-    /// at which half of it is left, the largest error that is integrated, and the largest integral.
-    pub fn numbers(&self) -> [(&'static str, f64); 4] {
-        [("rate", self.rate), ("slow", SLOW), ("largest_error", LARGEST_ERROR), ("largest", LARGEST)]
+    /// at which half of it is left, the largest component of the error that is integrated, of the integral, and the
+    /// largest error that is observed.
+    pub fn numbers(&self) -> [(&'static str, f64); 5] {
+        [
+            ("rate", self.rate),
+            ("slow", SLOW),
+            ("largest_error", LARGEST_ERROR),
+            ("largest", LARGEST),
+            ("largest_shown", LARGEST_SHOWN),
+        ]
     }
 
     /// The rows of the position error.
@@ -82,9 +92,11 @@ impl Integral {
 
     /// The position error that is observed.
     #[inline(always)]
-    pub(super) fn shown<L: Lane>(error: L, integral: L) -> L {
-        let bound = error.splat(f64::from(SCALED_BOUND));
-        (error + integral).min(bound).max(-bound)
+    pub(super) fn shown<L: Lane>([x, y]: [L; 2], [at_x, at_y]: [L; 2]) -> [L; 2] {
+        let [x, y] = [x + at_x, y + at_y];
+        let one = x.splat(1.0);
+        let share = (one * LARGEST_SHOWN / (x * x + y * y).sqrt()).min(one);
+        [x * share, y * share]
     }
 
     /// Adds the integral to the rows of an observation, which it takes a step further if `steps`.
@@ -104,9 +116,10 @@ impl Integral {
                 |place| L::load(token, &rows[place]),
             );
         }
+        let [x, y] = self.position;
+        let shown = Self::shown([L::load(token, &rows[x]), L::load(token, &rows[y])], now);
         for i in 0..2 {
-            let row = &mut rows[self.position[i]];
-            Self::shown(L::load(token, row), now[i]).store(row);
+            shown[i].store(&mut rows[self.position[i]]);
             now[i].store(&mut integral[i]);
         }
     }

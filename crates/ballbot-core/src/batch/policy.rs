@@ -282,11 +282,14 @@ impl<T: Follow> Policy<T> {
                 #[inline(always)]
                 |row| seen.values[row],
             );
-            for (i, row) in integral.places().into_iter().enumerate() {
-                let now = L::select(is_first, zero, next[i]);
-                sample.memory.set(Self::INTEGRAL + i, now);
-                seen.values[row] = Integral::shown(seen.values[row], now);
-            }
+            let now = next.map(
+                #[inline(always)]
+                |value| L::select(is_first, zero, value),
+            );
+            let [x, y] = integral.places();
+            [seen.values[x], seen.values[y]] = Integral::shown([seen.values[x], seen.values[y]], now);
+            sample.memory.set(Self::INTEGRAL, now[0]);
+            sample.memory.set(Self::INTEGRAL + 1, now[1]);
         }
         for age in (1..=self.oldest).rev() {
             for row in 0..self.rows {

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
+from ballbot_rs.control.observed_integral import ObservedIntegral
 from ballbot_rs.control.recurrent import PolicyMemory
 from ballbot_rs.control.reference import largest_lead
 from ballbot_rs.control.resolve import CONTROL_DT, NAMES, ResolvedController, find
@@ -130,6 +131,8 @@ class PolicyDriver:
         self._ages = history_ages(new_batch(1, num_threads=1, options={**options, **past}).history)
         self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
+        # Each observation begins an episode of its environment, whose own integral stays zero.
+        self._integrals = [ObservedIntegral(observer) for observer in self._observers]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
         check_steps(controller.name, self.control_dt, self.sim_dt)
@@ -150,6 +153,7 @@ class PolicyDriver:
             observation = self.observe(i, state, place)
             action = np.zeros(3)
             if observation is not None:
+                self._integrals[i].add(observation)
                 rows = self._with_past(i, observation)
                 action = np.squeeze(np.asarray(self._memories[i].act(rows[np.newaxis])), axis=0)
             if action.shape != (3,) or not np.isfinite(action).all():
@@ -178,6 +182,7 @@ class PolicyDriver:
         self._last[slice(None) if robot is None else robot] = 0.0
         for i in range(len(self._past)) if robot is None else (robot,):
             self._past[i] = []
+            self._integrals[i].reset()
             self._memories[i].reset()
 
 
