@@ -2216,9 +2216,9 @@ class Batch:
     @property
     def integral(self) -> dict[str, float] | None:
         """Integral action in the observation of the first robot, in multiples of the rows' typical magnitudes; None without
-        `integral_rate`. `rate`: growth in a control step per error; `slow`: speed of the ball at which half of it is left;
-        `largest_error`: component of the error that is integrated; `largest`: component of the integral;
-        `largest_shown`: error that is observed.
+        `integral_rate`. `rate`: growth in a control step per error at rest; `slow`: speed of the ball at which it is half as
+        large; `largest_error`: largest error that is integrated; `largest`: largest integral; `largest_shown`: largest error
+        that is observed.
         """
     @property
     def max_episode_steps(self) -> int:

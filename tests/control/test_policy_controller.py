@@ -43,22 +43,36 @@ def test_a_controller_acts_as_onnx_runtime(name: str, robot: str) -> None:
         observations = batch.step(action)[0]
 
 
-def test_the_page_moves_a_robot_that_rests_beside_its_setpoint_as_the_controller_does() -> None:
+def test_the_page_moves_a_robot_that_rests_off_its_setpoint_as_the_controller_does() -> None:
     path, robot = POLICIES / "balance-any.onnx", bb.Params.preset("kugle")
     policy = bb.OnnxPolicy(path)
     assert policy.env_options["integral_rate"] > 0.0
     law, driver = policy.controller(robot), PolicyDriver(find(str(path)), robot, 1)
     rest = bb.State.at_rest(robot)
-    beside = np.array([0.03, -0.02, 0.0])
-    state = rest.replace(ball_position=rest.ball_position + beside, body_position=rest.body_position + beside)
-    for _ in range(2):
-        expected = np.array([law(state) for _ in range(300)])
-        torques = np.array([driver.torques([state], (0.0, 0.0))[0] for _ in range(300)])
+
+    def at(x: float, y: float) -> bb.State:
+        place = np.array([x, y, 0.0])
+        return rest.replace(ball_position=rest.ball_position + place, body_position=rest.body_position + place)
+
+    # Last from one side to the other, beyond all limits.
+    for places in ([at(0.03, -0.02)] * 300, [at(3.0, 0.3)] * 300, [at(0.3, 0.1)] * 600 + [at(-0.9, 0.2)] * 100):
+        expected = np.array([law(state) for state in places])
+        torques = np.array([driver.torques([state], (0.0, 0.0))[0] for state in places])
         np.testing.assert_allclose(torques, expected, atol=1e-5 * driver.max_torque)
         # The history has nothing new after 0.6 s.
-        assert np.abs(torques[-1] - torques[70]).max() > 0.02 * driver.max_torque
+        if len(places) == 300 and np.abs(places[0].ball_position[0]) < 0.1:
+            assert np.abs(torques[-1] - torques[70]).max() > 0.02 * driver.max_torque
         law.reset()
         driver.reset()
+
+
+def test_the_rate_of_an_integral_follows_the_robot() -> None:
+    kugle = bb.Params.preset("kugle")
+    for by_robot, time in ((False, 1.0), (True, kugle.scale("s"))):
+        batch = bb.Batch(1, robot=kugle, integral_rate=0.8, scale_by_robot=by_robot, num_threads=1)
+        assert batch.integral is not None
+        assert batch.integral["rate"] == pytest.approx(0.008 / time)
+    assert bb.Batch(1, num_threads=1).integral is None
 
 
 def test_robots_follow_a_circle_together_and_alone() -> None:

@@ -187,11 +187,13 @@ def test_steps_in_c_match_the_environment(history, integral_rate, tmp_path):
     size = 16 * len(history_ages(history))
     constants = {"v": rng.normal(0.0, 0.05, (size, 3)), "c": rng.normal(0.0, 0.1, 3)}
     nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
+    # Far enough for all limits of the integral.
     options = {"integral_rate": integral_rate, "max_wheel_torque": 0.3}
+    far = {"setpoint": (0.7, -0.5)} if integral_rate else {}
     file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=size, history=history, **options)
     policy, in_c = OnnxPolicy(file), CPolicy(tmp_path, policy_header(file))
-    scaled = bb.BalanceEnv(history=history, **options)
-    plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3)
+    scaled = bb.BalanceEnv(history=history, **options, **far)
+    plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3, **far)
     largest = steps = 0
     for seed in range(10):
         seen, rows, over = scaled.reset(seed=seed)[0], plain.reset(seed=seed)[0], False
@@ -209,7 +211,7 @@ def test_a_scaled_policy_in_c_is_for_the_robot_that_is_named(tmp_path):
     rng = np.random.default_rng(8)
     constants = {"v": rng.normal(0.0, 0.05, (16, 3)), "c": rng.normal(0.0, 0.1, 3)}
     nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
-    options = {"scale_by_robot": True, "max_wheel_torque": None}
+    options = {"scale_by_robot": True, "integral_rate": 4.0, "max_wheel_torque": None}
     several = policy_of(tmp_path / "p.onnx", nodes, constants, params={"family": 3}, **options)
     with pytest.raises(ValueError, match="trained on several robots: name the robot"):
         policy_header(several)
@@ -221,7 +223,8 @@ def test_a_scaled_policy_in_c_is_for_the_robot_that_is_named(tmp_path):
         assert f"Scaled to the robot '{robot}'." in text
         in_c = CPolicy(folder, text)
         scaled, plain = (
-            bb.BalanceEnv(robot=robot, scale_by_robot=True, scale_observations=is_scaled) for is_scaled in (True, False)
+            bb.BalanceEnv(robot=robot, scale_by_robot=True, scale_observations=is_scaled, integral_rate=rate)
+            for is_scaled, rate in ((True, 4.0), (False, 0.0))
         )
         seen, rows, over = scaled.reset(seed=3)[0], plain.reset(seed=3)[0], False
         in_c.reset()

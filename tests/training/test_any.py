@@ -14,6 +14,7 @@ from ballbot_rs.control.resolve import find
 from ballbot_rs.envs.family import sample_robots
 from ballbot_rs.media.report import origin
 from ballbot_rs.training import config, run_folder, teacher
+from ballbot_rs.training import train as train_module
 from tests.support.killed_training import weights
 
 SMALL = {
@@ -70,10 +71,18 @@ def test_the_fit_is_to_the_position_error_itself(tmp_path, monkeypatch):
         rates.append(options["integral_rate"])
         fit(model, *arguments)
 
+    learn = train_module._learn
+
+    def learned(session, *arguments):
+        (options,) = session.model.get_env().get_attr("task_options", [0])
+        rates.append(options["integral_rate"])
+        return learn(session, *arguments)
+
     monkeypatch.setattr(teacher, "fit", observed)
+    monkeypatch.setattr(train_module, "_learn", learned)
     train(tmp_path / "run")
-    assert rates == [0.0]
     usual = config.parse(config.default_text("balance", "any"), "balance-any.toml").env["integral_rate"]
+    assert rates == [0.0, usual]
     assert find(str(tmp_path / "run")).env_options["integral_rate"] == usual > 0.0
 
 

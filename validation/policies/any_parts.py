@@ -50,7 +50,7 @@ def fitted(arm: str, seed: int) -> PPO:
     options = {"robot": {**whole.env["robot"], **USUAL}, **options}
     if is_family(options["robot"]):
         options["robot"] = {**options["robot"], "seed": seed}
-    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **options})
+    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **options, "integral_rate": 0.0})
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
     model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
     (law,) = teacher.laws_of(model, fit)

@@ -34,7 +34,8 @@ def fitted(arm: str, seed: int) -> Any:
     whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
     assert whole.teacher is not None
     robot = {**whole.env["robot"], **USUAL, "seed": seed}
-    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **options, "robot": robot})
+    options = {**whole.env, **options, "robot": robot, "integral_rate": 0.0}
+    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **options)
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS)
     kind, name = (RecurrentPPO, "MlpLstmPolicy") if "lstm_hidden_size" in policy else (PPO, "MlpPolicy")
     arguments: dict[str, Any] = {"n_steps": 32, "batch_size": 2048, "policy_kwargs": {**whole.policy, **policy}}

@@ -17,7 +17,7 @@ class ObservedIntegral:
     """Adds the integral of the position error to the observations of one robot, and limits it, as its environment does.
 
     Args:
-        batch: a batch whose observations have no past; without `integral_rate` they stay as they are.
+        batch: whose integral it is; without `integral_rate` observations, of a batch without it, stay as they are.
     """
 
     def __init__(self, batch: Batch) -> None:
@@ -35,13 +35,13 @@ class ObservedIntegral:
         if self._value is None:
             self._value = np.zeros(2)
         else:
-            largest_error, largest = self._numbers["largest_error"], self._numbers["largest"]
             share = self._numbers["rate"] / (1.0 + np.square(velocity / self._numbers["slow"]).sum())
-            step = np.clip(error, -largest_error, largest_error) * share
-            self._value = np.clip(self._value + step, -largest, largest)
-        shown = error + self._value
-        distance = float(np.linalg.norm(shown))
-        observation[self._position] = shown * min(1.0, self._numbers["largest_shown"] / max(distance, 1e-9))
+            self._value = self._within(self._value + self._within(error, "largest_error") * share, "largest")
+        observation[self._position] = self._within(error + self._value, "largest_shown")
+
+    def _within(self, vector: npt.NDArray[np.float64], limit: str) -> npt.NDArray[np.float64]:
+        assert self._numbers is not None
+        return vector * min(1.0, self._numbers[limit] / max(float(np.linalg.norm(vector)), 1e-9))
 
     def reset(self) -> None:
         """Forgets the integral."""

@@ -111,11 +111,11 @@ class BalanceEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -330,11 +330,11 @@ class VelocityEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -557,11 +557,11 @@ class GoalEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -794,11 +794,11 @@ class PathEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1007,11 +1007,11 @@ class PushEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1233,11 +1233,11 @@ class CarryEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1471,11 +1471,11 @@ class NavigateEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1710,11 +1710,11 @@ class RideEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1960,11 +1960,11 @@ class TerrainEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -2169,11 +2169,11 @@ class OpenBallBotEnv(BallbotEnv):
       robot to this robot by `Params.scale`, by the lean that it can hold (less where the motors limit an action), and
       lengths, velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to
       a policy. (default False)
-    - `integral_rate`: Integral action of a policy: rate of the integral of the position error, which is added to the
-      observed error, so that this grows while the robot rests away from the setpoint. The integral hardly changes while
-      the ball moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the
-      error have it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >=
-      0 and <= 10)
+    - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
+      to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
+      `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
       oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode

@@ -43,7 +43,7 @@ Array = npt.NDArray[np.float64]
 #: Weights and biases of each layer, from observations to actions.
 Network = list[tuple[Array, Array]]
 
-#: Azimuths of tilts and pushes, rad: in the two mirror planes of the wheels, where policies fall first, and midway. The
+#: Azimuths of tilts and pushes, rad: towards a wheel and between two wheels, where policies fall first, and midway. The
 #: last is of the first robot, and each next robot has it turned by the golden angle: where all robots had the same
 #: azimuths, policies fell between them.
 AZIMUTHS: Final = np.radians([0.0, 60.0, 30.0, 75.0])

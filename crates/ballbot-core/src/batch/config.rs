@@ -43,10 +43,11 @@ env_config! {
             /// velocities and wheel speeds by the acceleration that a lean gives: robots of all sizes then look alike to a
             /// policy.
             pub scale_by_robot: bool = false, "", Limit::FINITE;
-            /// Integral action of a policy: rate of the integral of the position error, which is added to the observed error,
-            /// so that this grows while the robot rests away from the setpoint. The integral hardly changes while the ball
-            /// moves, and the observed error is at most 6 times the typical. 0 for none; only tasks that observe the error have
-            /// it, `balance` and `push`. With `scale_by_robot` it is the rate on the paper's robot.
+            /// Integral action of a policy: rate at which the integral of the position error grows. It is added to the observed
+            /// error, which grows while the robot rests away from the setpoint. It begins at zero with each episode, turns with
+            /// the heading, and hardly changes while the ball moves; the observed error is then at most 6 times the typical. 0
+            /// for neither; otherwise `scale_observations` is required, and a task that observes the error: `balance` or
+            /// `push`. With `scale_by_robot` it is the rate on the paper's robot.
             pub integral_rate: f64 = 0.0, "1/s", Limit::NOT_NEGATIVE.to(10.0);
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.

@@ -11,19 +11,20 @@ const POSITION: [&str; 2] =
     ["ball position from the setpoint, heading x", "ball position from the setpoint, heading y"];
 const VELOCITY: [&str; 2] = ["ball velocity, heading x", "ball velocity, heading y"];
 
-/// Speed of the ball at which the integral grows half as fast as at rest. Else it would grow while a robot returns from
-/// far away, and the robot would pass the setpoint.
+/// Speed of the ball at which the integral grows half as fast as at rest. Otherwise it would grow while a robot returns
+/// from far away, and the robot would pass the setpoint.
 const SLOW: f64 = 0.15;
 
-/// Largest component of the error that is integrated, and of the integral.
+/// Largest error that is integrated, and largest integral. All limits are of vectors, alike in all directions.
 const LARGEST_ERROR: f64 = 2.0;
 const LARGEST: f64 = 3.0;
 
 /// Largest error that is observed. From farther away a policy that has seldom been there returns too fast to stop.
 const LARGEST_SHOWN: f64 = 6.0;
 
-/// Adds its integral to the position error that a policy observes, and limits the sum. All numbers are multiples of the rows' typical
-/// magnitudes, as scaled observations are.
+/// Adds its integral to the position error that a policy observes, and limits the sum. The integral turns with the
+/// heading, as the offset of a center of mass does. All numbers are multiples of the rows' typical magnitudes, as scaled
+/// observations are.
 #[derive(Clone, Debug)]
 pub struct Integral {
     /// Growth in a control step per error.
@@ -57,9 +58,9 @@ impl Integral {
         Ok(Some(Self { rate: rate * config.control_dt / time, position, velocity }))
     }
 
-    /// Its numbers by name, for implementations elsewhere: the growth in a control step per error, the speed of the ball
-    /// at which half of it is left, the largest component of the error that is integrated, of the integral, and the
-    /// largest error that is observed.
+    /// Its numbers by name, for implementations elsewhere: the growth in a control step per error at rest, the speed of the
+    /// ball at which it is half as large, the largest error that is integrated, the largest integral, and the largest error
+    /// that is observed.
     pub fn numbers(&self) -> [(&'static str, f64); 5] {
         [
             ("rate", self.rate),
@@ -81,22 +82,15 @@ impl Integral {
         let [vx, vy] = [row(self.velocity[0]), row(self.velocity[1])];
         let one = vx.splat(1.0);
         let share = one / (one + (vx * vx + vy * vy) * SLOW.powi(-2)) * self.rate;
-        let within = |value: L, most: f64| value.min(one * most).max(-(one * most));
-        let [x, y] = [row(self.position[0]), row(self.position[1])];
+        let [x, y] = within([row(self.position[0]), row(self.position[1])], LARGEST_ERROR);
         let [at_x, at_y] = integral;
-        [
-            within(at_x + within(x, LARGEST_ERROR) * share, LARGEST),
-            within(at_y + within(y, LARGEST_ERROR) * share, LARGEST),
-        ]
+        within([at_x + x * share, at_y + y * share], LARGEST)
     }
 
     /// The position error that is observed.
     #[inline(always)]
     pub(super) fn shown<L: Lane>([x, y]: [L; 2], [at_x, at_y]: [L; 2]) -> [L; 2] {
-        let [x, y] = [x + at_x, y + at_y];
-        let one = x.splat(1.0);
-        let share = (one * LARGEST_SHOWN / (x * x + y * y).sqrt()).min(one);
-        [x * share, y * share]
+        within([x + at_x, y + at_y], LARGEST_SHOWN)
     }
 
     /// Adds the integral to the rows of an observation, which it takes a step further if `steps`.
@@ -123,4 +117,12 @@ impl Integral {
             now[i].store(&mut integral[i]);
         }
     }
+}
+
+/// A vector of at most some length.
+#[inline(always)]
+fn within<L: Lane>([x, y]: [L; 2], most: f64) -> [L; 2] {
+    let one = x.splat(1.0);
+    let share = (one * most / (x * x + y * y).sqrt()).min(one);
+    [x * share, y * share]
 }

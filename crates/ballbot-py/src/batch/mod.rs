@@ -351,9 +351,9 @@ impl PyBatch {
     }
 
     /// Integral action in the observation of the first robot, in multiples of the rows' typical magnitudes; None without
-    /// `integral_rate`. `rate`: growth in a control step per error; `slow`: speed of the ball at which half of it is left;
-    /// `largest_error`: component of the error that is integrated; `largest`: component of the integral;
-    /// `largest_shown`: error that is observed.
+    /// `integral_rate`. `rate`: growth in a control step per error at rest; `slow`: speed of the ball at which it is half as
+    /// large; `largest_error`: largest error that is integrated; `largest`: largest integral; `largest_shown`: largest error
+    /// that is observed.
     #[getter]
     fn integral(&self) -> PyResult<Option<BTreeMap<&'static str, f64>>> {
         let inner = self.inner.read()?;

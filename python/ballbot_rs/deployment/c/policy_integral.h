@@ -1,6 +1,11 @@
-static inline ballbot_real ballbot_policy_within(ballbot_real value, ballbot_real most)
+/* Scales a vector to at most some length. */
+static inline void ballbot_policy_within(ballbot_real v[2], ballbot_real most)
 {
-    return ballbot_max(-most, ballbot_min(most, value));
+    const ballbot_real length = ballbot_sqrt(v[0] * v[0] + v[1] * v[1]);
+    if (length > most) {
+        v[0] *= most / length;
+        v[1] *= most / length;
+    }
 }
 
 /* Adds to the position error in the newest observation its integral, which hardly grows while the ball moves, and limits
@@ -8,26 +13,23 @@ static inline ballbot_real ballbot_policy_within(ballbot_real value, ballbot_rea
 static inline void ballbot_policy_integrate(ballbot_policy *policy)
 {
     ballbot_real *rows = policy->past + policy->newest * BALLBOT_POLICY_ROWS;
-    ballbot_real x = rows[BALLBOT_POLICY_VELOCITY[0]] / BALLBOT_POLICY_INTEGRAL_SLOW;
-    ballbot_real y = rows[BALLBOT_POLICY_VELOCITY[1]] / BALLBOT_POLICY_INTEGRAL_SLOW;
-    const ballbot_real share = BALLBOT_POLICY_INTEGRAL_RATE / (1 + x * x + y * y);
-    ballbot_real distance;
-    int i;
-    for (i = 0; i < 2; i++) {
-        ballbot_real *row = rows + BALLBOT_POLICY_POSITION[i];
-        const ballbot_real error = ballbot_policy_within(*row, BALLBOT_POLICY_INTEGRAL_LARGEST_ERROR);
-        if (policy->started) {
-            policy->integral[i] =
-                ballbot_policy_within(policy->integral[i] + error * share, BALLBOT_POLICY_INTEGRAL_LARGEST);
-        }
-        *row += policy->integral[i];
+    ballbot_real *x = rows + BALLBOT_POLICY_POSITION[0], *y = rows + BALLBOT_POLICY_POSITION[1];
+    const ballbot_real vx = rows[BALLBOT_POLICY_VELOCITY[0]] / BALLBOT_POLICY_INTEGRAL_SLOW;
+    const ballbot_real vy = rows[BALLBOT_POLICY_VELOCITY[1]] / BALLBOT_POLICY_INTEGRAL_SLOW;
+    const ballbot_real share = BALLBOT_POLICY_INTEGRAL_RATE / (1 + vx * vx + vy * vy);
+    ballbot_real error[2], shown[2];
+    error[0] = *x;
+    error[1] = *y;
+    if (policy->started) {
+        ballbot_policy_within(error, BALLBOT_POLICY_INTEGRAL_LARGEST_ERROR);
+        policy->integral[0] += error[0] * share;
+        policy->integral[1] += error[1] * share;
+        ballbot_policy_within(policy->integral, BALLBOT_POLICY_INTEGRAL_LARGEST);
     }
-    x = rows[BALLBOT_POLICY_POSITION[0]];
-    y = rows[BALLBOT_POLICY_POSITION[1]];
-    distance = ballbot_sqrt(x * x + y * y);
-    if (distance > BALLBOT_POLICY_INTEGRAL_LARGEST_SHOWN) {
-        rows[BALLBOT_POLICY_POSITION[0]] = x * BALLBOT_POLICY_INTEGRAL_LARGEST_SHOWN / distance;
-        rows[BALLBOT_POLICY_POSITION[1]] = y * BALLBOT_POLICY_INTEGRAL_LARGEST_SHOWN / distance;
-    }
+    shown[0] = *x + policy->integral[0];
+    shown[1] = *y + policy->integral[1];
+    ballbot_policy_within(shown, BALLBOT_POLICY_INTEGRAL_LARGEST_SHOWN);
+    *x = shown[0];
+    *y = shown[1];
 }
 

@@ -128,11 +128,13 @@ class PolicyDriver:
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
         past = {"history": controller.env_options.get("history", 1)}
-        self._ages = history_ages(new_batch(1, num_threads=1, options={**options, **past}).history)
+        whole = new_batch(1, num_threads=1, options={**options, **past})
+        self._ages = history_ages(whole.history)
+        # Each observation begins an episode of its environment, where an integral would be zero.
+        self._integrals = [ObservedIntegral(whole) for _ in range(num_robots)]
+        options["integral_rate"] = 0.0
         self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
-        # Each observation begins an episode of its environment, whose own integral stays zero.
-        self._integrals = [ObservedIntegral(observer) for observer in self._observers]
         self.control_dt = self._observers[0].control_dt
         self.sim_dt = self._observers[0].sim_dt
         check_steps(controller.name, self.control_dt, self.sim_dt)
