@@ -44,8 +44,8 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
 Driven this way with velocity commands of up to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each
-preset. Its settled errors are 0.1 cm/s (paper), 0.2 (kugle), 0.7 (asroballet) and 0.5 (rezero) without turns, and 0.4,
-2.4, 0.9 and 0.6 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero. Kugle's ball spins at 30 rad/s
+preset. Its settled errors are 0.2 cm/s (paper), 0.4 (kugle), 1.0 (asroballet) and 0.8 (rezero) without turns, and 0.8,
+3.7, 1.6 and 1.1 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero. Kugle's ball spins at 30 rad/s
 under the body that turns; errors of the heading's rate are shown to the policy twice as large, or the heading
 oscillates. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy `velocity` and the
 laws are the better choice for commands that turn.
