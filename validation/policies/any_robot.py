@@ -58,12 +58,12 @@ _TEXT = """
 `assets/policies/balance-any.onnx`: of `ballbot train any` with seed 0. It is fitted to `lqr` on 512 robots of the
 [family](randomization.md#families-of-robots) with wider ranges of height, friction and inertia, and [refined by
 evolution](training.md#one-policy-for-any-robot) on 84 of 408 such robots, including 24 slow ones and the 24 hardest for
-the fit; none is a robot of the package. It observes the last 0.6 s and the integral of the position error. All it knows about a robot is the scales of
-torque, lean, length and time; its estimator also knows the dimensions. The robots here were not seen in training. All
-have the sensors of kugle and start from the initial states of the task. A law that is *given* the robot is designed for
-its true parameters, delay and floor; a law of the *nominal* robot is designed for the robot before events. "In place"
-means upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of upright; with `wide`, whose robots
-lean at rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
+the fit; none is a robot of the package. It observes the last 0.6 s and the integral of the position error. All it knows
+about a robot is the scales of torque, lean, length and time; its estimator also knows the dimensions. The robots here
+were not seen in training. All have the sensors of kugle and start from the initial states of the task. A law that is
+*given* the robot is designed for its true parameters, delay and floor; a law of the *nominal* robot is designed for the
+robot before events. "In place" means upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of
+upright; with `wide`, whose robots lean at rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
 
 The largest impulsive push it survives, in the worst of 24 directions, is 91 % (paper), 80 % (asroballet), 91 % (kugle)
 and 107 % (rezero) of what `lqr`, which knows the robot, withstands; it recovers from tilts of 91 to 106 % of the law's.
