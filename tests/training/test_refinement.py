@@ -168,9 +168,42 @@ def test_the_hardest_robots_are_kept_with_their_starts(fitted):
     assert len(set(of_each.tolist())) > 1
 
 
+def test_each_generation_has_other_starts_noise_and_robots_and_repeats(fitted):
+    network = network_of(fitted[0])
+    found = Trials(WHOLE, dataclasses.replace(SETTINGS, robots=[{"family": 7, "seed": 3}]), seed=0)
+    found.measure(law())
+    found.keep_hardest(network, 2, 2)
+
+    def begun(generation):
+        found.begin(generation)
+        return found._robots, found._azimuths, found._fractions, found._seeds
+
+    robots, azimuths, fractions, seeds = zip(*(begun(generation) for generation in range(4)), strict=True)
+    masses = [{robot.body_mass for robot in one} for one in robots]
+    assert [len(one) for one in masses] == [4] * 4
+    # The hardest in all of them, and of the others all come.
+    assert len(set.intersection(*masses)) == 2
+    assert len(set.union(*masses)) == 7
+    assert len(np.unique(seeds)) == 4 * len(seeds[0])
+    np.testing.assert_array_equal(fractions[0], FRACTIONS)
+    for one, azimuth in zip(fractions[1:], azimuths[1:], strict=True):
+        assert (one < FRACTIONS).all()
+        assert (one[1:] > FRACTIONS[:-1]).all()
+        np.testing.assert_array_equal(azimuth[:, :2], azimuths[0][:, :2])
+        assert (azimuth[:, 2:] != azimuths[0][:, 2:]).all()
+    found.begin(2)
+    parts = found.parts(network)
+    found.begin(0)
+    assert found.parts(network) != parts
+    found.begin(2)
+    assert found.parts(network) == parts
+
+
 def test_evolution_improves_on_the_fit(fitted):
     model, ties = fitted
-    settings = dataclasses.replace(SETTINGS, robots=[{"family": 3, "seed": 0}], hardest=1, others=1, generations=6)
+    settings = dataclasses.replace(
+        SETTINGS, robots=[{"family": 3, "seed": 0}], hardest=2, others=1, generations=7, population=8
+    )
     # Too weak: it falls from starts from which the fit recovers.
     for parameter in model.policy.action_net.parameters():
         parameter.data *= 0.7
@@ -183,7 +216,7 @@ def test_evolution_improves_on_the_fit(fitted):
     assert values[average] > values["the fit"]
     assert objective(trials.parts(network_of(model))) == pytest.approx(values[average], abs=2e-2)
     assert asymmetry(model) < 1e-6
-    assert trials.robots == 2
+    assert trials.robots == 3
 
 
 def test_robots_have_their_own_azimuths_and_trials_last_as_long_whatever_the_control_step(fitted):

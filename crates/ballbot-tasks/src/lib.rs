@@ -37,6 +37,7 @@ pub use push::Push;
 pub use ride::Ride;
 pub use rows::{Growth, RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub use rows::{WriteRows, WriteTerms};
+pub use shared::limited;
 pub use traverse::Traverse;
 pub use velocity::Velocity;
 

@@ -92,7 +92,7 @@ pub(super) fn squared_norm<L: Lane>([x, y]: [L; 2]) -> L {
 
 /// A vector shortened to at most `length`.
 #[inline(always)]
-pub(super) fn limited<L: Lane>([x, y]: [L; 2], length: f64) -> [L; 2] {
+pub fn limited<L: Lane>([x, y]: [L; 2], length: f64) -> [L; 2] {
     let most = x.splat(length);
     let share = most / x.mul_add(x, y.squared()).sqrt().max(most);
     [x * share, y * share]

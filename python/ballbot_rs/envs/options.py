@@ -203,7 +203,7 @@ class CommonOptions(TypedDict, total=False):
     scale_by_robot: bool
     #: Integral action of a policy: rate at which the integral of the position error grows. It is added to the observed
     #: error, which grows while the robot rests away from the setpoint. It begins at zero with each episode, turns with
-    #: the heading, and hardly changes while the ball moves; the observed error is then at most 6 times the typical. 0
+    #: the heading, and hardly changes while the ball moves; the observed error is then at most 4 times the typical. 0
     #: for neither; otherwise `scale_observations` is required, and a task that observes the error: `balance` or `push`.
     #: With `scale_by_robot` it is the rate on the paper's robot. (1/s, >= 0 and <= 10)
     integral_rate: float

@@ -113,7 +113,7 @@ class BalanceEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -332,7 +332,7 @@ class VelocityEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -559,7 +559,7 @@ class GoalEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -796,7 +796,7 @@ class PathEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -1009,7 +1009,7 @@ class PushEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -1235,7 +1235,7 @@ class CarryEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -1473,7 +1473,7 @@ class NavigateEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -1712,7 +1712,7 @@ class RideEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -1962,7 +1962,7 @@ class TerrainEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:
@@ -2171,7 +2171,7 @@ class OpenBallBotEnv(BallbotEnv):
       a policy. (default False)
     - `integral_rate`: Integral action of a policy: rate at which the integral of the position error grows. It is added
       to the observed error, which grows while the robot rests away from the setpoint. It begins at zero with each
-      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 6
+      episode, turns with the heading, and hardly changes while the ball moves; the observed error is then at most 4
       times the typical. 0 for neither; otherwise `scale_observations` is required, and a task that observes the error:
       `balance` or `push`. With `scale_by_robot` it is the rate on the paper's robot. (default 0 1/s; >= 0 and <= 10)
     - `history`: How many of the last observations are stacked, or their ages in control steps, as [0, 1, 2, 4, 8]:

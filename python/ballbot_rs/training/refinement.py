@@ -10,6 +10,8 @@ an observation and of its ages. Each policy of a generation is tried on robots o
   where they end, and how still the ball rests before.
 
 Most robots are easy, so policies can be tried on a part of the robots: on which the fit does worst, and some others.
+Each generation has other starts, noise and others of the robots: policies that were tried on the same ones all along
+fell from starts between them.
 """
 
 import importlib
@@ -43,13 +45,16 @@ Array = npt.NDArray[np.float64]
 #: Weights and biases of each layer, from observations to actions.
 Network = list[tuple[Array, Array]]
 
-#: Azimuths of tilts and pushes, rad: towards a wheel and between two wheels, where policies fall first, and midway. The
-#: last is of the first robot, and each next robot has it turned by the golden angle: where all robots had the same
-#: azimuths, policies fell between them.
+#: Azimuths of tilts and pushes, rad: towards a wheel and between two wheels, where policies fall first, midway, and one
+#: more. Each generation has the last two turned by the golden angle, and each robot the last one.
 AZIMUTHS: Final = np.radians([0.0, 60.0, 30.0, 75.0])
+_TURNING: Final = 2
 _GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
-#: Of the largest tilt and push from which the law recovers.
+#: Of the largest tilt and push from which the law recovers. Each generation has them lower, by a part of the gap to the
+#: next lower one.
 FRACTIONS: Final = np.array([0.5, 0.65, 0.75, 0.85, 0.9, 0.95])
+_GAPS: Final = np.diff(FRACTIONS, prepend=0.35)
+_GOLDEN_RATIO: Final = (np.sqrt(5.0) - 1.0) / 2.0
 #: Time in which a robot recovers or falls, s. Some fall later, after they have rocked more and more; trials of 8 s take
 #: longer and gave no better policies.
 SECONDS: Final = 2.6
@@ -109,6 +114,7 @@ def refine(
     )
 
     def tried(numbers: Array, what: str) -> float:
+        trials.begin(0)
         parts = trials.parts(space.network(numbers))
         value = float(objective(parts))
         tell(f"{what}: {value:.3f}, {_text(parts)}")
@@ -120,6 +126,7 @@ def refine(
     for generation in range(1, settings.generations + 1):
         candidates = [optimizer.ask() for _ in range(settings.population)]
         if generation > known:
+            trials.begin(generation)
             values.append([float(objective(trials.parts(space.network(one)))) for one in candidates])
             if record is not None:
                 _files.write(record, json.dumps(values))
@@ -240,14 +247,18 @@ class Trials:
                 f"refinement.hardest = {settings.hardest} and refinement.others = {settings.others} are more than "
                 f"the {len(robots)} robots of refinement.robots"
             )
-        azimuths = np.tile(AZIMUTHS, (len(robots), 1))
-        azimuths[:, -1] += _GOLDEN_ANGLE * np.arange(len(robots))
-        self._begin_with(robots, azimuths)
+        self._all = robots
+        self._hardest, self._others, self._at_once = np.arange(len(robots)), np.arange(0), 0
+        self._take(self._hardest, 0)
 
-    def _begin_with(self, robots: list[Params], azimuths: Array) -> None:
-        """Makes the environments of some robots; azimuths have the shape (robots, azimuths)."""
-        self._robots, self._azimuths = robots, azimuths
-        self._rocking = _ROCKING * np.array([robot.scale("m/s") for robot in robots])
+    def _take(self, kept: npt.NDArray[np.int64], generation: int) -> None:
+        """Makes the environments of some robots in a generation."""
+        self._robots = [self._all[i] for i in kept]
+        self._azimuths = np.tile(AZIMUTHS, (len(kept), 1))
+        self._azimuths[:, -1] += _GOLDEN_ANGLE * kept
+        self._azimuths[:, -_TURNING:] += _GOLDEN_ANGLE * generation
+        self._fractions = FRACTIONS - _GAPS * (_GOLDEN_RATIO * generation % 1.0)
+        self._rocking = _ROCKING * np.array([robot.scale("m/s") for robot in self._robots])
         self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS))
         self.steps = math.ceil(SECONDS / self._starts.control_dt)
         settings = self.settings.episode_options
@@ -258,8 +269,9 @@ class Trials:
                     f"refinement.episodes: the observation with {options} has {one.observation_len} rows, "
                     f"expected {self._starts.observation_len}"
                 )
-        seeds = self._first_seed
-        self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._whole[0].num_envs)))
+        count = max(self._starts.num_envs, self._whole[0].num_envs)
+        seeds = self._first_seed + generation * count
+        self._seeds = list(range(seeds, seeds + count))
 
     def _batch_of_kind(self, i: int, options: Mapping[str, Any]) -> Batch:
         try:
@@ -294,22 +306,23 @@ class Trials:
             limits = self._limits(law, most)
         except ValueError as error:
             raise ValueError(f"refinement.robots: {error}") from error
-        self._start_at(limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]]))
+        self._of_all = limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]])
+        self.begin(0)
 
     def keep_hardest(self, network: Network, hardest: int, others: int) -> None:
-        """Keeps the robots on which a policy does worst, and the first of the others; after `measure`.
-
-        A kept robot has other noise and other samples of the events from then on.
-        """
+        """Keeps the robots on which a policy does worst, and as many of the others; after `measure`."""
         order = np.argsort(objective(self._by_robot(network)), kind="stable")
-        kept = np.sort(np.concatenate([order[:hardest], np.sort(order[hardest:])[:others]]))
-        self._begin_with([self._robots[i] for i in kept], self._azimuths[kept])
-        self._start_at(self._sizes[:, kept], self._counts[:, kept])
+        self._hardest, self._others, self._at_once = order[:hardest], np.sort(order[hardest:]), others
+        self.begin(0)
 
-    def _start_at(self, limits: Array, counts: npt.NDArray[np.bool_]) -> None:
-        """Sets the starts by the limits of the law; only where it counts is there a limit."""
-        self._sizes, self._counts = limits, counts
-        self._tilts, self._impulses = self._begin(limits[..., None] * FRACTIONS)
+    def begin(self, generation: int) -> None:
+        """Takes the robots, the starts and the noise of a generation; those of 0 are for comparisons."""
+        others = np.roll(self._others, -generation * self._at_once)[: self._at_once]
+        kept = np.sort(np.concatenate([self._hardest, others]))
+        self._take(kept, generation)
+        # Only where it counts is there a limit.
+        sizes, self._counts = (of_all[:, kept] for of_all in self._of_all)
+        self._tilts, self._impulses = self._begin(sizes[..., None] * self._fractions)
 
     @property
     def robots(self) -> int:
@@ -333,7 +346,7 @@ class Trials:
     def _measured(self, network: Network) -> dict[str, Array]:
         """The parts of each robot, of shape (robots,); NaN where there is no limit."""
         recovered = self._recovered(network)
-        limit = np.concatenate([[0.0], FRACTIONS])[_first(recovered)]
+        limit = np.concatenate([[0.0], self._fractions])[_first(recovered)]
         found: dict[str, Array] = {}
         for kind, counts, limits, starts in zip(
             ("tilt", "push"), self._counts, limit, recovered.mean(axis=(2, 3)), strict=True

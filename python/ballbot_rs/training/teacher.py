@@ -133,10 +133,16 @@ def _actions_of(law: Controller, batch: Batch, teacher: Teacher) -> npt.NDArray[
 
 
 def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int, ties: Ties | None = None) -> list[float]:
-    """Fits the most likely actions; the root mean square error of each round, over all states so far."""
+    """Fits the most likely actions; the root mean square error of each round, over all states so far.
+
+    Raises:
+        ValueError: observations have an integral, on which no law acts.
+    """
     environment = model.get_env()
     assert environment is not None
     batch = _batch(model)
+    if batch.integral is not None:
+        raise ValueError("integral_rate: a fit needs observations without the integral: it must be 0")
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     if ties is not None:

@@ -3,7 +3,7 @@
 use ballbot_core::batch::{
     Autoreset, Batch, EnvConfig, History, Layer, Networks, StepResults, TaskConfig, policy_controller,
 };
-use ballbot_core::control::{LaneSetpoint, Setpoint};
+use ballbot_core::control::{LaneSetpoint, Setpoint, default_max_torque};
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::lanes::{EIGHT, Eight, Heading};
 use ballbot_core::models::LinearModel;
@@ -290,14 +290,21 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
         assert!(spinning(rate, &still) != spinning(0.0, &still));
     }
 
-    // It sees twice the error of the heading's rate: 0.1 rad off, at half the rate of 0.2 rad/s that it is to turn at,
-    // the robot appears to be at rest.
-    close(torques(&moving(&params, &upright, Vector3::zeros(), Vector3::zeros(), 0.1), &turning), upright_now, 1e-9);
-
-    // It turns towards the heading of the setpoint, at most as for half a radian.
-    let [ahead, half, behind] = [0.1, 0.5, 2.0].map(|error| torques(&upright, &Setpoint { yaw: yaw + error, ..still }));
-    assert!(ahead != torques(&upright, &still) && half != ahead);
-    close(half, behind, 1e-12);
+    // Nor the body: a PD law turns it towards the heading of the setpoint, as for at most half a radian, and with at most
+    // 0.3 of the default torque.
+    let turned = |error: f64, rate: f64| {
+        let state = moving(&params, &upright, Vector3::zeros(), Vector3::zeros(), rate);
+        let found = torques(&state, &Setpoint { yaw: yaw + error, ..still });
+        SVector::<f64, ACTION_LEN>::from_fn(|i, _| found[i] - upright_now[i])
+    };
+    for (error, rate) in [(0.1, 0.1), (0.1, 0.2), (0.1, 0.3), (-0.05, 0.0)] {
+        let acceleration = b.fixed_view::<3, 3>(7, 0) * turned(error, rate);
+        let expected = Vector3::new(0.0, 0.0, 8.0 * (2.0 * error - rate));
+        assert!((acceleration - expected).amax() < 1e-6, "{acceleration}, {expected}");
+    }
+    let [half, behind, fast] = [turned(0.5, 0.0), turned(2.0, 0.0), turned(0.1, -50.0)];
+    assert!((half - behind).amax() < 1e-12, "{half}, {behind}");
+    assert!((fast.amax() - 0.3 * default_max_torque(&params)).abs() < 1e-9, "{fast}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::joint_friction::JointFriction;
 use super::limits::dot;
 use super::tracking::{LeanReference, Tracking};
-use crate::LaneSetpoint;
+use crate::{LaneSetpoint, default_max_torque};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Vec3, wrapped_angle};
@@ -16,17 +16,19 @@ use nalgebra::{UnitQuaternion, Vector3};
 const TURNING: f64 = 2.0;
 const LARGEST_TURN: f64 = 0.5;
 
-/// How much larger an error of the heading's rate is shown to the policy. Where the wheels hardly turn the body, the
-/// policy alone is too weak to keep the heading from oscillating.
-const DAMPING: f64 = 1.0;
+/// Angular acceleration per error of the heading's rate, for the robot of the paper, 1/s, and the largest torque for it
+/// as a fraction of the controllers' default limit. A policy that has only balanced is too weak to turn a robot whose
+/// wheels hardly turn the body: its heading oscillates.
+const DAMPING: f64 = 8.0;
+const LARGEST_TORQUE: f64 = 0.3;
 
-/// Error of the heading, rad, beyond which the robot turns: the spin of the ball about the vertical is then hidden, with
-/// smaller errors in proportion. A robot that turns spins a ball that hardly rubs on the floor; a policy that has only
-/// balanced has not seen its wheels turn as fast while it does not.
+/// Error of the heading, rad, beyond which the robot turns, with smaller errors in proportion: the policy then sees
+/// neither the body nor the ball spin about the vertical. A policy that has only balanced has not seen its wheels turn as
+/// fast while it does not.
 const LEAST_TURN: f64 = 0.02;
 
 /// The frame of a setpoint in motion, for one robot. A robot that follows the setpoint is at rest there, and upright: it
-/// leans as the motion requires, and its wheels have the torques of the motion.
+/// leans as the motion requires, and its wheels have the torques of the motion. A PD law turns it; the policy balances it.
 #[derive(Clone, Debug)]
 pub struct MovingFrame {
     tracking: Tracking,
@@ -37,17 +39,20 @@ pub struct MovingFrame {
     turning: [Wheels<f64>; 3],
     /// Rate at which the frame turns per error of the heading, 1/s.
     turning_rate: f64,
+    /// Angular acceleration about the vertical per error of the heading's rate, 1/s, and the largest, rad/s².
+    damping: f64,
+    most: f64,
     /// Rate of the body about its z against the ball, per speed of each wheel.
     spin_per_speed: [f64; WHEELS],
 }
 
 /// A robot in the frame of its setpoint.
 pub struct Followed<L> {
-    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds, while it turns on a ball
-    /// that does not spin about the vertical. Errors of the heading's rate are larger there, by `DAMPING`.
+    /// Its state there: position, velocity, attitude, rates of the body, and wheel speeds. Neither body nor ball spin
+    /// about the vertical there while it turns.
     pub state: LaneState<L>,
-    /// The torques of the setpoint's motion, N·m, with the friction of the joints in that motion and on the ball that
-    /// spins. Zero at rest.
+    /// The torques of the setpoint's motion and of the law that turns the robot, N·m, with the friction of the joints in
+    /// that motion and on the ball that spins. Zero at rest.
     pub torques: Wheels<L>,
 }
 
@@ -60,12 +65,16 @@ impl MovingFrame {
         let still = Vector3::zeros();
         let turning = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| speeds(still, axis));
         let square: f64 = turning[2].iter().map(|speed| speed * speed).sum();
+        let (tracking, time) = (Tracking::new(&without_friction), Scale::of(params).time);
+        let largest = tracking.planes.wheel_torques([0.0; 2], 1.0).0.into_iter().map(f64::abs).fold(0.0, f64::max);
         Self {
-            tracking: Tracking::new(&without_friction),
+            tracking,
             friction,
             rolling: [Vector3::y(), -Vector3::x()].map(|axis| speeds(axis / params.ball_radius, still)),
             turning,
-            turning_rate: TURNING / Scale::of(params).time,
+            turning_rate: TURNING / time,
+            damping: DAMPING / time,
+            most: LARGEST_TORQUE * default_max_torque(params) / largest,
             spin_per_speed: std::array::from_fn(|i| turning[2][i] / square),
         }
     }
@@ -92,8 +101,10 @@ impl MovingFrame {
         // A robot that only balances is shown its rate and the ball's spin as in the policy's task.
         let turns = (turn.abs() * (LEAST_TURN * self.turning_rate).recip()).min(x.splat(1.0));
         let rate = up.dot(state.body_angular_velocity);
-        let turn = turn + turns * (setpoint.yaw_rate - rate) * DAMPING;
-        let turning = Vec3::new(up.x * turn - rate_y, up.y * turn + rate_x, up.z * turn);
+        let most = x.splat(self.most);
+        let acceleration = ((turn - rate) * turns * self.damping).min(most).max(-most);
+        let hidden = rate * turns;
+        let turning = Vec3::new(up.x * hidden - rate_y, up.y * hidden + rate_x, up.z * hidden);
         state.body_angular_velocity = state.body_angular_velocity - turning;
         let [forward, left] = heading.of(vx, vy);
         let [along, across] = &self.rolling;
@@ -110,7 +121,7 @@ impl MovingFrame {
             state.wheel_speeds[i] -= spinning;
             speeds[i] += spinning;
         }
-        let torques = self.tracking.planes.wheel_torques(self.tracking.forward(&reference), x.zero());
+        let torques = self.tracking.planes.wheel_torques(self.tracking.forward(&reference), acceleration);
         Followed { state, torques: self.friction.compensated(torques, &speeds, f64::INFINITY) }
     }
 

@@ -1,7 +1,7 @@
 //! Integral action of a policy, in what it observes.
 
 use super::config::EnvConfig;
-use crate::task::{Task, TaskDescription};
+use crate::task::{Task, TaskDescription, limited};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 use ballbot_models::Scale;
@@ -20,7 +20,7 @@ const LARGEST_ERROR: f64 = 2.0;
 const LARGEST: f64 = 3.0;
 
 /// Largest error that is observed. From farther away a policy that has seldom been there returns too fast to stop.
-const LARGEST_SHOWN: f64 = 6.0;
+const LARGEST_SHOWN: f64 = 4.0;
 
 /// Adds its integral to the position error that a policy observes, and limits the sum. The integral turns with the
 /// heading, as the offset of a center of mass does. All numbers are multiples of the rows' typical magnitudes, as scaled
@@ -82,15 +82,15 @@ impl Integral {
         let [vx, vy] = [row(self.velocity[0]), row(self.velocity[1])];
         let one = vx.splat(1.0);
         let share = one / (one + (vx * vx + vy * vy) * SLOW.powi(-2)) * self.rate;
-        let [x, y] = within([row(self.position[0]), row(self.position[1])], LARGEST_ERROR);
+        let [x, y] = limited([row(self.position[0]), row(self.position[1])], LARGEST_ERROR);
         let [at_x, at_y] = integral;
-        within([at_x + x * share, at_y + y * share], LARGEST)
+        limited([at_x + x * share, at_y + y * share], LARGEST)
     }
 
     /// The position error that is observed.
     #[inline(always)]
     pub(super) fn shown<L: Lane>([x, y]: [L; 2], [at_x, at_y]: [L; 2]) -> [L; 2] {
-        within([x + at_x, y + at_y], LARGEST_SHOWN)
+        limited([x + at_x, y + at_y], LARGEST_SHOWN)
     }
 
     /// Adds the integral to the rows of an observation, which it takes a step further if `steps`.
@@ -117,12 +117,4 @@ impl Integral {
             now[i].store(&mut integral[i]);
         }
     }
-}
-
-/// A vector of at most some length.
-#[inline(always)]
-fn within<L: Lane>([x, y]: [L; 2], most: f64) -> [L; 2] {
-    let one = x.splat(1.0);
-    let share = (one * most / (x * x + y * y).sqrt()).min(one);
-    [x * share, y * share]
 }
