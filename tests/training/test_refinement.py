@@ -40,6 +40,10 @@ def trials():
     return found
 
 
+#: Of robots that topple slowly.
+SLOW = {"gyration radius / body_com_height": [2.0, 3.0]}
+
+
 def law():
     return bb.Lqr(ROBOT)
 
@@ -81,11 +85,12 @@ def test_the_starts_are_fractions_of_what_the_law_recovers_from(trials):
     """At the fractions the law recovers; a tenth beyond its limits it does not."""
     found = trials._limits(law(), np.array([[0.6], [60.0]]))
     grid = np.concatenate([found[..., None] * FRACTIONS[:-1], 1.1 * found[..., None]], axis=-1)
-    trials._reset(*trials._begin(grid))
-    upright = np.ones(trials._starts.num_envs, dtype=bool)
-    for _ in range(trials.steps):
-        upright &= ~trials._starts.step(trials._starts.control(law(), privileged=True, drawn=True))[2]
-    recovered = trials._by_start(upright)
+
+    def fallen(batch, steps):
+        terminated = [batch.step(batch.control(law(), privileged=True, drawn=True))[2] for _ in range(steps)]
+        return np.any(terminated, axis=0)
+
+    recovered = trials._upright(*trials._begin(grid), fallen)
     assert recovered.shape == (2, 1, len(FRACTIONS), len(AZIMUTHS))
     assert recovered[:, :, :-1].all()
     assert not recovered[:, :, -1].all(axis=-1).any()
@@ -219,7 +224,7 @@ def test_evolution_improves_on_the_fit(fitted):
     assert trials.robots == 3
 
 
-def test_robots_have_their_own_azimuths_and_trials_last_as_long_whatever_the_control_step(fitted):
+def test_robots_have_their_own_azimuths(fitted):
     settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}])
     whole = Trials(WHOLE, settings, seed=0)
     whole.measure(law())
@@ -230,8 +235,21 @@ def test_robots_have_their_own_azimuths_and_trials_last_as_long_whatever_the_con
     np.testing.assert_allclose(np.exp(1j * before), np.exp(1j * np.arctan2(impulses[..., 1], impulses[..., 0]))[:, 0])
     whole.keep_hardest(network_of(fitted[0]), 2, 0)
     assert {tuple(row) for row in whole._azimuths} < {tuple(row) for row in before}
+
+
+def test_trials_last_longer_for_slow_robots_and_as_long_whatever_the_control_step():
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 6}, {"family": 6, "ranges": SLOW}])
     faster = dataclasses.replace(WHOLE, env={**WHOLE.env, "control_dt": 0.002})
-    assert Trials(faster, SETTINGS, seed=0).steps == 5 * whole.steps
+    for config_, per_second in ((WHOLE, 100), (faster, 500)):
+        found = Trials(config_, settings, seed=0)
+        places = np.concatenate([one.places for one in found._starts])
+        np.testing.assert_array_equal(np.sort(places), np.arange(12 * 48))
+        for batch, places, steps in found._starts:
+            slow = {found._robots[place // 48].scale("s") > 1.7 for place in places}
+            assert len(slow) == 1
+            assert steps == per_second * (6.5 if slow.pop() else 2.6)
+            assert batch.num_envs == len(places)
+        assert len(found._starts) == 2
 
 
 def test_what_no_robot_limits_counts_as_reached(fitted, monkeypatch):
