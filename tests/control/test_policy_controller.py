@@ -105,11 +105,11 @@ def test_in_another_task_a_policy_follows_the_setpoints_of_the_task() -> None:
 
 
 def test_a_robot_that_turns_on_a_ball_that_spins_keeps_its_heading() -> None:
-    # Without damping the heading of kugle oscillates, with an earlier policy by 0.17 rad/s and 0.046 m/s.
+    # Turned by the policy alone, its heading oscillates by 0.11 rad/s, and its velocity by 0.049 m/s.
     result = bb.evaluate(str(POLICIES / "balance-any.onnx"), task="velocity", episodes=20, robot="kugle", speed=0.5)
     assert result.survival_rate == 1.0
-    assert result.metrics["velocity_error"] < 0.04
-    assert result.metrics["yaw_rate_error"] < 0.12
+    assert result.metrics["velocity_error"] < 0.02
+    assert result.metrics["yaw_rate_error"] < 0.01
 
 
 def test_what_is_not_a_controller_is_named(tmp_path: Path) -> None:

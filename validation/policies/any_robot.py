@@ -1,5 +1,6 @@
 """One policy for every ballbot, on robots that it has never seen, compared with laws that are designed for them."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -50,6 +51,10 @@ MARGIN: Final = 0.02
 LEAST: Final = 0.9
 
 SCENARIOS: Final = {"S2-rest": "tilt recovered from, deg", "S3-at-once": "push withstood, N·s"}
+
+#: Their length for the paper's robot, s. After their own 15 s robots that return from far lean, as they brake at the
+#: setpoint, and would count as not recovered.
+_SECONDS: Final = 30.0
 
 #: Largest error of the velocity that is claimed, m/s.
 _LARGEST_ERROR: Final = 0.02
@@ -217,7 +222,9 @@ def _best(found: Mapping[str, Shares]) -> str:
 
 def largest(controller: str | bb.Controller, robot: str) -> list[float]:
     """The largest tilt and the largest push of `SCENARIOS`, in the worst of 24 directions."""
-    return [bb.run_scenarios(controller, one, robot=robot)[0].score for one in SCENARIOS]
+    known = bb.load_scenarios()
+    scenarios = [dataclasses.replace(known[name], seconds=_SECONDS) for name in SCENARIOS]
+    return [bb.run_scenarios(controller, one, robot=robot)[0].score for one in scenarios]
 
 
 def _hardest(policy: str) -> tuple[list[Claim], str]:
