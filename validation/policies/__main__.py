@@ -29,9 +29,10 @@ for [any task on any robot](#all-tasks-on-all-robots), and [one policy](#one-pol
 
 `OnnxPolicy(file).controller(robot)` wraps a policy as a [controller](controllers.md): in Rust, for one robot or for all
 robots of a `Batch`, and following setpoints. A policy of `balance` or `push` observes the robot in the frame of the
-setpoint's motion, and its torques are added to the feedforward torques of the motion, computed for the given robot;
-policies of `goal` follow a position, and policies of `velocity` a velocity. This needs the extra `export`. If a task is
-given, `evaluate`, `simulate`, `record`, `plot` and `view` use an ONNX policy of another task in this way:
+setpoint's motion, and its torques are added to the feedforward torques of the motion, computed for the given robot.
+Where the setpoint turns, a PD law of the heading is added, and the policy, which only balances, sees no turn. Policies
+of `goal` follow a position, and policies of `velocity` a velocity. This needs the extra `export`. If a task is given,
+`evaluate`, `simulate`, `record`, `plot` and `view` use an ONNX policy of another task in this way:
 
 ```python
 import ballbot_rs as bb
@@ -44,11 +45,10 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
 Driven this way with velocity commands of up to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each
-preset. Its settled errors are 0.2 cm/s (paper), 0.4 (kugle), 1.0 (asroballet) and 0.8 (rezero) without turns, and 0.8,
-3.7, 1.6 and 1.1 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero. Kugle's ball spins at 30 rad/s
-under the body that turns; errors of the heading's rate are shown to the policy twice as large, or the heading
-oscillates. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy `velocity` and the
-laws are the better choice for commands that turn.
+preset. Its settled errors are 0.3 cm/s (paper), 0.4 (kugle), 0.8 (asroballet) and 0.8 (rezero) without turns, and 0.9,
+0.9, 1.2 and 1.2 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero. Kugle's ball spins at 30 rad/s
+under the body that turns. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy
+`velocity` and the laws are the better choice for commands that turn.
 
 ```sh
 ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot kugle --episodes 50 --set speed=0.5

@@ -62,35 +62,34 @@ _LARGEST_ERROR: Final = 0.02
 _TEXT = """
 `assets/policies/balance-any.onnx`: of `ballbot train any` with seed 0. It is fitted to `lqr` on 512 robots of the
 [family](randomization.md#families-of-robots) with wider ranges of height, friction and inertia, and [refined by
-evolution](training.md#one-policy-for-any-robot) on 84 of 408 such robots, including 24 slow ones and the 24 hardest for
-the fit; none is a robot of the package. It observes the last 0.6 s and the integral of the position error. All it knows
-about a robot is the scales of torque, lean, length and time; its estimator also knows the dimensions. The robots here
-were not seen in training. All have the sensors of kugle and start from the initial states of the task. A law that is
-*given* the robot is designed for its true parameters, delay and floor; a law of the *nominal* robot is designed for the
-robot before events. "In place" means upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of
-upright; with `wide`, whose robots lean at rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
+evolution](training.md#one-policy-for-any-robot) on 408 such robots, 84 at a time: always the 24 hardest for the fit,
+and 60 others in turn; none is a robot of the package. It observes the last 0.6 s and the integral of the position
+error. All it knows about a robot is the scales of torque, lean, length and time; its estimator also knows the
+dimensions. The robots here were not seen in training. All have the sensors of kugle and start from the initial states
+of the task. A law that is *given* the robot is designed for its true parameters, delay and floor; a law of the
+*nominal* robot is designed for the robot before events. "In place" means upright and, over the last 2 s, within 0.1 m
+of the setpoint and within 1° of upright; with `wide`, whose robots lean at rest, within 5.7° (`success_tilt=0.1`). Its
+95 % interval is in brackets.
 
-The largest impulsive push it survives, in the worst of 24 directions, is 91 % (paper), 80 % (asroballet), 91 % (kugle)
-and 107 % (rezero) of what `lqr`, which knows the robot, withstands; it recovers from tilts of 91 to 106 % of the law's.
-The law is the better choice if the robot is known. An action of 1 is 0.4 N·m on the paper's robot, and on any other
-robot equally large in proportion to the torque that holds its largest lean, within the limit of its motors.
+The largest impulsive push from which it recovers, in the worst of 24 directions, is 93 % (paper), 94 % (asroballet) and
+103 % (kugle, rezero) of the push of `lqr`, which knows the robot; it recovers from tilts of 91 to 106 % of the law's.
+It returns slower than the law from far away: all robots have 30 s to recover, twice the length of these scenarios
+elsewhere. An action of 1 is 0.4 N·m on the paper's robot, and on any other robot equally large in proportion to the
+torque that holds its largest lean, within the limit of its motors.
 
-Where it falls short: at pushes of asroballet, where its torque rises slower than the law's, and in the turns of kugle,
-whose heading oscillates. The last table is of the task `velocity` with its defaults and the sensors of kugle; the law
-is designed for the nominal robot.
+Where it falls short: the law is more accurate at rest and in motion, and the better choice if the robot is known. With
+`wide`, rezero follows turning commands with errors of 13 cm/s; the last table is of the task `velocity` with its
+defaults and the sensors of kugle, and the law is designed for the nominal robot.
 
-Five seeds of the same recipe (`python -m validation.policies.any_seeds`), in percent; robots in the order paper,
-asroballet, kugle, rezero. All keep the family and the presets upright and in place, and under `wide` they keep rezero
-in place at least as often as the law of the nominal robot within the margin. Pushes vary most: what the policy
-withstands of the law's falls to 56 % on kugle.
+Two seeds of the same recipe (of the five that `python -m validation.policies.any_seeds` trains), in percent; robots in
+the order paper, asroballet, kugle, rezero. All keep the family and the presets upright and in place, and under `wide`
+they keep rezero in place at least as often as the law of the nominal robot within the margin. Pushes vary most: with
+seed 1 rezero withstands 69 % of the law's largest.
 
 | seed | family: upright | in place | in place: presets | `wide` | tilt, of `lqr` | push, of `lqr` |
 |--:|--:|--:|---|---|---|---|
-| 0 | 99.9 | 95.16 | 100, 100, 100, 99.5 | 100, 99.75, 100, 69.75 | 91.1, 106, 103, 93.1 | 91.1, 80.4, 91.2, 107 |
-| 1 | 99.9 | 98.04 | 100, 100, 100, 100 | 100, 99.75, 100, 78.75 | 85.7, 104, 100, 94.8 | 91.1, 87, 100, 79.3 |
-| 2 | 99.83 | 95.47 | 100, 100, 100, 100 | 99.75, 99.25, 98.25, 59 | 94.6, 97.9, 92.3, 93.1 | 86.7, 95.7, 61.8, 72.4 |
-| 3 | 99.85 | 97.46 | 100, 100, 100, 100 | 99.75, 100, 100, 74.5 | 94.6, 100, 92.3, 91.4 | 82.2, 82.6, 55.9, 103 |
-| 4 | 99.88 | 96 | 100, 100, 100, 99.25 | 99.5, 99.75, 100, 63.5 | 87.5, 100, 97.4, 91.4 | 84.4, 78.3, 85.3, 89.7 |
+| 0 | 99.78 | 97.46 | 100, 100, 100, 99.5 | 100, 100, 100, 64.25 | 91.1, 106, 105, 96.6 | 93.3, 93.5, 103, 103 |
+| 1 | 99.9 | 98.06 | 100, 100, 100, 100 | 100, 99.75, 100, 66 | 87.5, 102, 97.4, 91.5 | 93.3, 91.3, 100, 69 |
 """
 
 

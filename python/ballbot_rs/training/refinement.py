@@ -352,7 +352,7 @@ class Trials:
         self.begin(0)
 
     def begin(self, generation: int) -> None:
-        """Takes the robots, the starts and the noise of a generation; those of 0 are for comparisons."""
+        """Takes the robots, the starts and the noise of a generation; generation 0 is for comparisons."""
         others = np.roll(self._others, -generation * self._at_once)[: self._at_once]
         kept = np.sort(np.concatenate([self._hardest, others]))
         self._take(kept, generation)
@@ -463,7 +463,7 @@ class Trials:
         Args:
             starts: of all robots.
             impulses: pushes at the starts, N·s.
-            fallen: tells who falls in a batch in a number of steps.
+            fallen: gives which robots of a batch fall in a number of steps.
         """
         found = np.empty(len(starts), dtype=bool)
         for batch, places, steps in self._starts:
