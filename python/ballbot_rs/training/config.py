@@ -147,7 +147,7 @@ class Refinement:
     #: episodes in each. Without these options they have no events, and the starts of the task. `weight`, 1 by default,
     #: is how much they count among all whole episodes.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
-    #: Policies are tried on the robots on which the fit does worst, this many, and on the first `others` of the rest.
+    #: Policies are tried on the robots on which the fit does worst, this many, and on `others` of the rest in turn.
     #: None is all robots.
     hardest: int | None = None
     others: int = 0

@@ -10,8 +10,8 @@ an observation and of its ages. Each policy of a generation is tried on robots o
   where they end, and how still the ball rests before.
 
 Most robots are easy, so policies can be tried on a part of the robots: on which the fit does worst, and some others.
-Each generation has other starts, noise and others of the robots: policies that were tried on the same ones all along
-fell from starts between them.
+Each generation has other starts, other noise, and other easy robots: policies tried on the same ones all along fell
+from starts between them.
 """
 
 import importlib
