@@ -192,7 +192,7 @@ def _run(policy: str) -> Findings:
     claims, lines = [], []
     for one in conditions():
         ours = of_policy(one, policy)
-        given = {law: of_law(one, law, is_given=True) for law in LAWS} if one.engine is None else {}
+        given = {law: of_law(one, law, is_given=True) for law in LAWS}
         is_random = not are_several(one.options["robot"]) and "events" in one.options
         nominal = {law: of_law(one, law, is_given=False) for law in LAWS} if is_random else {}
         lines.append([one.name, str(ours), _best(nominal), _best(given)])
