@@ -1,6 +1,8 @@
 """The evolution after a fit: what it changes, what it tries, and that it improves."""
 
+import copy
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -161,23 +163,25 @@ def test_the_hardest_robots_are_kept_with_their_starts(fitted):
     model, _ = fitted
     network = network_of(model)
     settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}])
-    whole, kept = (Trials(WHOLE, settings, seed=0) for _ in range(2))
+    whole, kept = (Trials(WHOLE, one, seed=0) for one in (settings, dataclasses.replace(settings, hardest=2, others=1)))
     for one in (whole, kept):
         one.measure(law())
-    of_each = objective(whole._by_robot(network))
-    kept.keep_hardest(network, 2, 1)
+    of_each = objective(whole._measured(network))
+    assert kept.on_all(network) == whole.on_all(network) == whole.parts(network)
+    kept.begin(0)
     hardest = set(np.argsort(of_each, kind="stable")[:2].tolist())
     expected = sorted(hardest | {min(set(range(5)) - hardest)})
     assert [robot.body_mass for robot in kept._robots] == [whole._robots[i].body_mass for i in expected]
-    np.testing.assert_array_equal(objective(kept._by_robot(network)), of_each[expected])
+    np.testing.assert_array_equal(objective(kept._measured(network)), of_each[expected])
     assert len(set(of_each.tolist())) > 1
 
 
 def test_each_generation_has_other_starts_noise_and_robots_and_repeats(fitted):
     network = network_of(fitted[0])
-    found = Trials(WHOLE, dataclasses.replace(SETTINGS, robots=[{"family": 7, "seed": 3}]), seed=0)
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 7, "seed": 3}], hardest=2, others=2)
+    found = Trials(WHOLE, settings, seed=0)
     found.measure(law())
-    found.keep_hardest(network, 2, 2)
+    found.on_all(network)
 
     def begun(generation):
         found.begin(generation)
@@ -221,13 +225,34 @@ def test_evolution_improves_on_the_fit(fitted):
     assert values[average] > values["the fit"]
     *hidden, last = network_of(model)
     tried = [*hidden, tuple(numbers / refinement.MARGIN for numbers in last)]
-    assert objective(trials.parts(tried)) == pytest.approx(values[average], abs=2e-2)
+    assert objective(trials.on_all(tried)) == pytest.approx(values[average], abs=2e-2)
     assert asymmetry(model) < 1e-6
-    assert trials.robots == 3
+
+
+def test_an_interrupted_evolution_continues_with_the_same_robots(fitted, tmp_path):
+    model, ties = fitted
+    before = copy.deepcopy(model.policy.state_dict())
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}], hardest=2, others=1, generations=6)
+    record = tmp_path / "objective.json"
+    found = []
+    for kept in (0, 4, 5):
+        model.policy.load_state_dict(before)
+        if kept > 0:
+            record.write_text(json.dumps(json.loads(record.read_text())[:kept]))
+        trials = Trials(WHOLE, settings, seed=0)
+        trials.measure(law())
+        refinement.refine(model, trials, ties, 0, lambda _: None, record)
+        found.append((record.read_text(), network_of(model)))
+    (first, network), *others = found
+    for text, other in others:
+        assert text == first
+        for layers in zip(network, other, strict=True):
+            for one, two in zip(*layers, strict=True):
+                np.testing.assert_array_equal(one, two)
 
 
 def test_robots_have_their_own_azimuths(fitted):
-    settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}])
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}], hardest=2)
     whole = Trials(WHOLE, settings, seed=0)
     whole.measure(law())
     before = whole._azimuths
@@ -235,7 +260,9 @@ def test_robots_have_their_own_azimuths(fitted):
     assert len(np.unique(np.round(before[:, -1] % (2.0 * np.pi), 6))) == 5
     impulses = whole._impulses.reshape(5, 2, len(FRACTIONS), len(AZIMUTHS), 3)[:, 1]
     np.testing.assert_allclose(np.exp(1j * before), np.exp(1j * np.arctan2(impulses[..., 1], impulses[..., 0]))[:, 0])
-    whole.keep_hardest(network_of(fitted[0]), 2, 0)
+    whole.on_all(network_of(fitted[0]))
+    whole.begin(0)
+    assert len(whole._azimuths) == 2
     assert {tuple(row) for row in whole._azimuths} < {tuple(row) for row in before}
 
 

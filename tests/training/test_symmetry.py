@@ -10,7 +10,7 @@ from sb3_contrib import RecurrentPPO
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
 from ballbot_rs.training import config, teacher, tied
-from ballbot_rs.training.symmetry import linear_policies, of_batch, symmetries
+from ballbot_rs.training.symmetry import linear_policies, of_batch, opposite, symmetries
 from tests.training.test_teacher import FIT, new_model
 
 TILT, YAW = np.array([0.03, -0.05]), 0.7
@@ -98,6 +98,43 @@ def test_tied_policies_stay_symmetric_while_they_learn():
     assert asymmetry(even) < 1e-6 < 1e-3 < asymmetry(free)
     assert asymmetry(even, of_values=True) < 1e-5 < 1e-3 < asymmetry(free, of_values=True)
     assert even.policy.log_std.unique().numel() == 1 < free.policy.log_std.unique().numel()
+
+
+def test_an_odd_policy_answers_the_opposite_motion_with_reversed_torques_while_it_learns():
+    one_sided, odd = (new_model(net_arch=(12, 18)) for _ in range(2))
+    names = tuple(row["name"] for row in TASKS["balance"]["observation"])
+    seen = torch.as_tensor(np.random.default_rng(1).normal(0.0, 0.5, (200, len(names))), dtype=torch.float32)
+    reversed_ = seen @ torch.as_tensor(opposite(names, 1), dtype=torch.float32)
+    evenness = []
+    for model in (one_sided, odd):
+        ties = tied.tie(model, True, pytest.fail, odd=model is odd)
+        law = teacher.laws_of(model, FIT)[0]
+        before = teacher._actor(model)[0].detach().clone()
+        teacher.fit_actor(model, law, FIT, 0, ties)
+        assert (teacher._actor(model)[0] - before).abs().max() > 0.01
+        model.learn(model.n_envs * model.n_steps)
+        assert asymmetry(model) < 1e-6
+        with torch.no_grad():
+            evenness.append((teacher._actions(model, seen) + teacher._actions(model, reversed_)).square().mean().sqrt())
+    assert evenness[1] < 1e-6 < 1e-3 < evenness[0]
+
+
+def test_the_opposite_motion_has_the_same_vertical_and_distances():
+    rows = ("gravity direction, body z", "body rate about body z", "distance of the goal", "wheel speed 1")
+    np.testing.assert_array_equal(opposite(rows, 2), np.diag(2 * [1.0, -1.0, 1.0, -1.0]))
+
+
+def test_what_is_not_odd_is_named():
+    model = new_model(net_arch=(6,))
+    model.policy.mlp_extractor.policy_net[1] = torch.nn.ReLU()
+    with pytest.raises(ValueError, match=r"odd = true: the activation function is ReLU\(\), expected Tanh"):
+        tied.tie(model, True, pytest.fail, odd=True)
+    with pytest.raises(ValueError, match="odd = true: PPO with symmetric = 'auto': expected PPO with symmetric = true"):
+        config.TrainConfig(symmetric="auto", odd=True)
+    with pytest.raises(ValueError, match="odd = true: RecurrentPPO with symmetric = True: expected PPO with symmetric = true"):
+        config.TrainConfig(algorithm="RecurrentPPO", symmetric=True, odd=True)
+    with pytest.raises(ValueError, match="odd = 1 must be true or false"):
+        config.TrainConfig(odd=1)
 
 
 def test_ties_keep_the_size_of_new_weights():

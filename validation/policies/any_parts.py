@@ -29,22 +29,23 @@ ROUNDS: Final = 18
 #: The family without other ranges.
 USUAL: Final = {"family": NUM_ENVS // SAME_ROBOT}
 
-#: Changed options of the environment, changed settings of the teacher, and whether the policy is symmetric.
-ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any], bool]]] = {
-    "all parts": ({}, {}, True),
-    "newest observation only": ({"history": 1}, {}, True),
-    "one robot, the paper's": ({"robot": "paper"}, {}, True),
-    "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}, True),
-    "no symmetries": ({}, {}, False),
-    "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}, True),
-    "the law with its default weights": ({}, {"options": {"traction": 0.9}}, True),
-    "noise of 0.1": ({}, {"noise": 0.1}, True),
+#: Changed options of the environment, changed settings of the teacher, and whether the policy is symmetric and odd.
+ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any], tuple[bool, bool]]]] = {
+    "all parts": ({}, {}, (True, True)),
+    "newest observation only": ({"history": 1}, {}, (True, True)),
+    "one robot, the paper's": ({"robot": "paper"}, {}, (True, True)),
+    "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}, (True, True)),
+    "not odd": ({}, {}, (True, False)),
+    "neither odd nor symmetric": ({}, {}, (False, False)),
+    "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}, (True, True)),
+    "the law with its default weights": ({}, {"options": {"traction": 0.9}}, (True, True)),
+    "noise of 0.1": ({}, {"noise": 0.1}, (True, True)),
 }
 
 
 def fitted(arm: str, seed: int) -> PPO:
     """The policy of an arm."""
-    options, settings, symmetric = ARMS[arm]
+    options, settings, (symmetric, odd) = ARMS[arm]
     whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
     assert whole.teacher is not None
     options = {"robot": {**whole.env["robot"], **USUAL}, **options}
@@ -54,7 +55,7 @@ def fitted(arm: str, seed: int) -> PPO:
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
     model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
     (law,) = teacher.laws_of(model, fit)
-    teacher.fit_actor(model, law, fit, seed, tied.tie(model, symmetric, print))
+    teacher.fit_actor(model, law, fit, seed, tied.tie(model, symmetric, print, odd=odd))
     return model
 
 

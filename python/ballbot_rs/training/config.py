@@ -147,7 +147,7 @@ class Refinement:
     #: episodes in each. Without these options they have no events, and the starts of the task. `weight`, 1 by default,
     #: is how much they count among all whole episodes.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
-    #: Policies are tried on the robots on which the fit does worst, this many, and on `others` of the rest in turn.
+    #: Policies are tried on the robots on which their mean does worst, this many, and on `others` of the rest in turn.
     #: None is all robots.
     hardest: int | None = None
     others: int = 0
@@ -222,6 +222,9 @@ class TrainConfig:
     #: get turned and mirrored torques (`training.tied`). Hidden layers then have multiples of 6 units. "auto" is true
     #: where robots, observations and hidden layers have the symmetries. `CMA` has an argument of the same name.
     symmetric: bool | str = False
+    #: Whether a symmetric policy is odd, as linear laws are: it has no biases, and the opposite observation gives
+    #: reversed torques. Only for `PPO` with tanh, the default.
+    odd: bool = False
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -264,6 +267,12 @@ class TrainConfig:
             raise ValueError(f"symmetric = {self.symmetric!r} must be true, false or '{AUTO}'")
         if self.symmetric is True and self.algorithm not in TAUGHT:
             raise ValueError(f"symmetric = true: {self.algorithm} has no such policies, only {' and '.join(TAUGHT)}")
+        if not isinstance(self.odd, bool):
+            raise ValueError(f"odd = {self.odd!r} must be true or false")
+        if self.odd and (self.algorithm != "PPO" or self.symmetric is not True):
+            raise ValueError(
+                f"odd = true: {self.algorithm} with symmetric = {self.symmetric!r}: expected PPO with symmetric = true"
+            )
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")

@@ -9,9 +9,9 @@ an observation and of its ages. Each policy of a generation is tried on robots o
 - in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`; what counts is
   where they end, and how still the ball rests before.
 
-Most robots are easy, so policies can be tried on a part of the robots: on which the fit does worst, and some others.
-Each generation has other starts, other noise, and other easy robots: policies tried on the same ones all along fell
-from starts between them.
+Most robots are easy, so policies can be tried on a part of the robots: on which the mean of the search does worst at
+present, and some others. Each generation has other starts, other noise, and other easy robots: policies tried on the
+same ones all along fell from starts between them.
 """
 
 import importlib
@@ -93,7 +93,7 @@ _WEIGHTS: Final = {
 #: Factor of the actions afterwards. On robots that were not tried, policies fall from too little torque more often than
 #: from too much.
 MARGIN: Final = 1.05
-#: Generations between two trials of the mean.
+#: Generations between two trials of the mean on all robots, which give those on which it does worst.
 _EVERY: Final = 4
 
 
@@ -125,15 +125,12 @@ def refine(
     settings = trials.settings
     network = network_of(model)
     space = Space(network, ties, trials.ages)
-    if settings.hardest is not None:
-        trials.keep_hardest(network, settings.hardest, settings.others)
     optimizer = trials.cmaes.CMA(
         mean=np.zeros(space.size), sigma=settings.sigma, seed=seed, population_size=settings.population
     )
 
     def tried(numbers: Array, what: str) -> float:
-        trials.begin(0)
-        parts = trials.parts(space.network(numbers))
+        parts = trials.on_all(space.network(numbers))
         value = float(objective(parts))
         tell(f"{what}: {value:.3f}, {_text(parts)}")
         return value
@@ -150,7 +147,7 @@ def refine(
                 _files.write(record, json.dumps(values))
         optimizer.tell([(one, -value) for one, value in zip(candidates, values[generation - 1], strict=True)])
         means.append(optimizer.mean.copy())
-        if generation > known and generation % _EVERY == 0:
+        if generation % _EVERY == 0 and generation + _EVERY > known:
             tried(optimizer.mean, f"refined for {generation} generations")
     # What the last means have by chance of the robots that they were tried on averages out.
     average = np.mean(means[settings.generations // 2 :], axis=0)
@@ -181,6 +178,12 @@ def _read(record: Path, population: int) -> list[list[float]]:
 def objective(parts: Mapping[str, Any]) -> Any:
     """What the evolution maximizes, of all robots or of each."""
     return sum(weight * parts[name] for name, weight in _WEIGHTS.items())
+
+
+def _means(measured: Mapping[str, Array]) -> dict[str, float]:
+    """Means over the robots; 1 where no robot has a limit."""
+    counted = {name: values[~np.isnan(values)] for name, values in measured.items()}
+    return {name: float(values.mean()) if values.size else 1.0 for name, values in counted.items()}
 
 
 def _text(parts: dict[str, float]) -> str:
@@ -276,7 +279,8 @@ class Trials:
                 f"the {len(robots)} robots of refinement.robots"
             )
         self._all = robots
-        self._hardest, self._others, self._at_once = np.arange(len(robots)), np.arange(0), 0
+        self._hardest = np.arange(len(robots))
+        self._others = self._hardest[:0]
         self._take(self._hardest, 0)
 
     def _take(self, kept: npt.NDArray[np.int64], generation: int) -> None:
@@ -345,25 +349,32 @@ class Trials:
         self._of_all = limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]])
         self.begin(0)
 
-    def keep_hardest(self, network: Network, hardest: int, others: int) -> None:
-        """Keeps the robots on which a policy does worst, and as many of the others; after `measure`."""
-        order = np.argsort(objective(self._by_robot(network)), kind="stable")
-        self._hardest, self._others, self._at_once = order[:hardest], np.sort(order[hardest:]), others
+    def on_all(self, network: Network) -> dict[str, float]:
+        """The `parts` of a policy on all robots, in generation 0; after `measure`.
+
+        Generations that begin later have the robots on which this policy does worst.
+        """
+        self._hardest = np.arange(len(self._all))
+        self._others = self._hardest[:0]
         self.begin(0)
+        measured = self._measured(network)
+        hardest = self.settings.hardest
+        if hardest is not None:
+            # Without a limit, a robot is easy.
+            by_robot = {name: np.nan_to_num(values, nan=1.0) for name, values in measured.items()}
+            order = np.argsort(objective(by_robot), kind="stable")
+            self._hardest, self._others = order[:hardest], np.sort(order[hardest:])
+        return _means(measured)
 
     def begin(self, generation: int) -> None:
         """Takes the robots, the starts and the noise of a generation; generation 0 is for comparisons."""
-        others = np.roll(self._others, -generation * self._at_once)[: self._at_once]
+        at_once = self.settings.others
+        others = np.roll(self._others, -generation * at_once)[:at_once]
         kept = np.sort(np.concatenate([self._hardest, others]))
         self._take(kept, generation)
         # Only where it counts is there a limit.
         sizes, self._counts = (of_all[:, kept] for of_all in self._of_all)
         self._tilts, self._impulses = self._begin(sizes[..., None] * self._fractions)
-
-    @property
-    def robots(self) -> int:
-        """Number of robots on which policies are tried."""
-        return len(self._robots)
 
     @property
     def ages(self) -> int:
@@ -372,12 +383,7 @@ class Trials:
 
     def parts(self, network: Network) -> dict[str, float]:
         """The parts of the objective for a policy, each from 0 to 1; 1 where no robot has a limit."""
-        counted = {name: values[~np.isnan(values)] for name, values in self._measured(network).items()}
-        return {name: float(values.mean()) if values.size else 1.0 for name, values in counted.items()}
-
-    def _by_robot(self, network: Network) -> dict[str, Array]:
-        """The parts of each robot, of shape (robots,); 1 where there is no limit."""
-        return {name: np.nan_to_num(values, nan=1.0) for name, values in self._measured(network).items()}
+        return _means(self._measured(network))
 
     def _measured(self, network: Network) -> dict[str, Array]:
         """The parts of each robot, of shape (robots,); NaN where there is no limit."""

@@ -32,6 +32,8 @@ _WHEEL = re.compile(r"(?P<quantity>wheel speed|last action, wheel) (?P<wheel>[01
 #: Rows that a mirror reverses, and rows that no symmetry changes.
 _TURNS: Final = ("commanded rate of the heading", "error of the heading's rate")
 _SCALARS: Final = ("distance of the goal",)
+#: Rows that the opposite motion has alike; it has all others reversed.
+_ALIKE: Final = ("gravity direction, body z", *_SCALARS)
 
 #: Turns the wheels: what wheel 0 does, wheel 1 does.
 _TURNED_WHEELS: Matrix = np.roll(np.eye(3), 1, axis=0)
@@ -66,6 +68,16 @@ def symmetries(rows: tuple[str, ...], ages: int) -> list[tuple[Matrix, Matrix]]:
     return found
 
 
+def opposite(rows: tuple[str, ...], ages: int) -> Matrix:
+    """The matrix of the opposite motion on observations: where motions are small, reversed torques make it.
+
+    Args:
+        rows: names of the rows of an observation.
+        ages: how many observations are given together.
+    """
+    return np.diag(np.tile([1.0 if name in _ALIKE else -1.0 for name in rows], ages))
+
+
 def _is_symmetric(payload: Payload) -> bool:
     """Whether a payload stays the same when the robot is turned or mirrored."""
     across = (*payload.position[:2], *payload.amplitude[:2])
@@ -90,11 +102,25 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
             raise ValueError(f"a payload of robot {i} is not the same in all directions about the mast")
         if robot.roller_angle != 0.0:
             raise ValueError(f"a mirror reverses roller_angle = {robot.roller_angle} of robot {i}: it must be 0")
+    return symmetries(*_rows_of(batch))
+
+
+def opposite_of_batch(batch: Batch) -> Matrix:
+    """The matrix `opposite` for the observations of a batch.
+
+    Raises:
+        ValueError: rows without symmetry.
+    """
+    return opposite(*_rows_of(batch))
+
+
+def _rows_of(batch: Batch) -> tuple[tuple[str, ...], int]:
+    """The names of the rows of an observation, and how many observations are given together."""
     rows = tuple(row["name"] for row in description_of(batch.task)["observation"])
     ages = len(history_ages(batch.history))
     if ages * len(rows) != batch.observation_len:
         raise ValueError("instruments and added rows have no symmetry")
-    return symmetries(rows, ages)
+    return rows, ages
 
 
 def linear_policies(pairs: list[tuple[Matrix, Matrix]]) -> Matrix:

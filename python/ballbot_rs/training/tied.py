@@ -3,6 +3,8 @@
 Hidden units come in sixes, a unit for each symmetry of `training.symmetry`; a symmetry exchanges the units of a six
 (regular representation: Cohen and Welling, "Group equivariant convolutional networks", ICML 2016). The value of a state
 is the same for all six.
+
+An actor may be odd, too, as linear laws are: it has no biases, and the opposite observation gives reversed torques.
 """
 
 from collections.abc import Callable
@@ -36,12 +38,16 @@ class Ties:
     Args:
         model: of PPO, or of RecurrentPPO of sb3-contrib.
         pairs: of `symmetry.symmetries`.
+        opposite: of `symmetry.opposite` if the actor is odd.
 
     Raises:
-        ValueError: hidden units that are not in sixes, or noise that depends on the state.
+        ValueError: hidden units that are not in sixes, noise that depends on the state, or an odd actor with LSTM cells
+            or an activation function other than tanh.
     """
 
-    def __init__(self, model: BaseAlgorithm, pairs: list[tuple[Matrix, Matrix]]) -> None:
+    def __init__(
+        self, model: BaseAlgorithm, pairs: list[tuple[Matrix, Matrix]], opposite: Matrix | None = None
+    ) -> None:
         policy: Any = model.policy
         #: Parameters with how the symmetries change what they give, and what they are given unless it is a constant.
         self._tied: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor | None]] = []
@@ -51,6 +57,8 @@ class Ties:
         observations, actions = (_tensor(np.stack(matrices)) for matrices in zip(*pairs, strict=True))
         if policy.log_std.ndim != 1:
             raise ValueError("algorithm_arguments.use_sde = true: its noise depends on the state")
+        if opposite is not None:
+            _check_odd(model)
         acted = valued = observations
         actor = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
         critic = [*linear_layers(policy.mlp_extractor.value_net), policy.value_net]
@@ -62,12 +70,21 @@ class Ties:
                 critic.insert(0, policy.critic)
             else:
                 valued = acted
-        self._tie_layers(actor, acted, actions)
+        if opposite is None:
+            self._tie_layers(actor, acted, actions)
+        else:
+            self._tie_layers(actor, torch.cat([acted, acted @ _tensor(opposite)]), _odd(actions), _odd)
         self._tie_layers(critic, valued, torch.ones(len(pairs), 1, 1))
         self._tied.append((policy.log_std, actions.abs(), None))
 
-    def _tie_layers(self, layers: list[torch.nn.Linear], given: torch.Tensor, gives: torch.Tensor) -> None:
-        spaces = [given, *(self._space(layer.out_features) for layer in layers[:-1]), gives]
+    def _tie_layers(
+        self,
+        layers: list[torch.nn.Linear],
+        given: torch.Tensor,
+        gives: torch.Tensor,
+        extended: Callable[[torch.Tensor], torch.Tensor] = lambda space: space,
+    ) -> None:
+        spaces = [given, *(extended(self._space(layer.out_features)) for layer in layers[:-1]), gives]
         for layer, (before, after) in zip(layers, pairwise(spaces), strict=True):
             self._tied += [(layer.weight, after, before), (layer.bias, after, None)]
 
@@ -123,8 +140,27 @@ class Ties:
         optimizer.register_step_post_hook(lambda *_: self.hold())
 
 
+def _odd(space: torch.Tensor) -> torch.Tensor:
+    """How the symmetries, and each with the opposite motion, change what is reversed by that."""
+    return torch.cat([space, -space])
+
+
+def _check_odd(model: BaseAlgorithm) -> None:
+    policy: Any = model.policy
+    if sb3_recurrent.is_recurrent(model):
+        raise ValueError("odd = true: LSTM cells are not odd")
+    for layer in policy.mlp_extractor.policy_net:
+        if not isinstance(layer, (torch.nn.Linear, torch.nn.Tanh)):
+            raise ValueError(f"odd = true: the activation function is {layer}, expected Tanh")
+
+
 def tie(
-    model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None], *, is_new: bool = True
+    model: BaseAlgorithm,
+    symmetric: bool | str,
+    tell: Callable[[str], None],
+    *,
+    odd: bool = False,
+    is_new: bool = True,
 ) -> Ties | None:
     """Ties the weights of a model, and holds them tied after each of its updates.
 
@@ -132,6 +168,7 @@ def tie(
         model: with new weights, or with the weights of a checkpoint.
         symmetric: whether to tie them; `AUTO` where the robots and the policy allow it.
         tell: called with the reason why `AUTO` does not tie them.
+        odd: whether the tied actor is odd.
         is_new: whether the weights are new; others must be tied already.
 
     Raises:
@@ -145,8 +182,9 @@ def tie(
         if type(model).__name__ not in TAUGHT:
             raise ValueError(f"{type(model).__name__} has no symmetric policies, only {' and '.join(TAUGHT)}")
         unwrapped: Any = environment.unwrapped
-        _check_sides(unwrapped._batch)
-        ties = Ties(model, symmetry.of_batch(unwrapped._batch))
+        batch = unwrapped._batch
+        _check_sides(batch)
+        ties = Ties(model, symmetry.of_batch(batch), symmetry.opposite_of_batch(batch) if odd else None)
         if not is_new and not ties.holds():
             raise ValueError("the weights of the checkpoint are not tied")
     except ValueError as error:

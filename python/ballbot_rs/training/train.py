@@ -349,7 +349,7 @@ def _tie(
 ) -> tied.Ties | None:
     """Ties the weights of a model if the configuration requires it; another training loop has its own weights."""
     if learn is None:
-        return tied.tie(model, config.symmetric, tell, is_new=is_new)
+        return tied.tie(model, config.symmetric, tell, odd=config.odd, is_new=is_new)
     if config.symmetric:
         tell("the policy is not symmetric: this training loop does not tie weights")
     return None
