@@ -129,7 +129,7 @@ def test_what_is_not_odd_is_named():
     model.policy.mlp_extractor.policy_net[1] = torch.nn.ReLU()
     with pytest.raises(ValueError, match=r"odd = true: the activation function is ReLU\(\), expected Tanh"):
         tied.tie(model, True, pytest.fail, odd=True)
-    with pytest.raises(ValueError, match="odd = true: PPO with symmetric = 'auto': expected .* symmetric = true"):
+    with pytest.raises(ValueError, match=r"odd = true: PPO with symmetric = 'auto': expected .* symmetric = true"):
         config.TrainConfig(symmetric="auto", odd=True)
     with pytest.raises(ValueError, match="odd = true: RecurrentPPO with symmetric = True: expected PPO"):
         config.TrainConfig(algorithm="RecurrentPPO", symmetric=True, odd=True)
