@@ -62,8 +62,8 @@ _LARGEST_ERROR: Final = 0.02
 _TEXT = """
 `assets/policies/balance-any.onnx`: of `ballbot train any` with seed 0. It is fitted to `lqr` on 512 robots of the
 [family](randomization.md#families-of-robots) with wider ranges of height, friction and inertia, and [refined by
-evolution](training.md#one-policy-for-any-robot) on 408 such robots, 84 at a time: always the 24 hardest for the fit,
-and 60 others in turn; none is a robot of the package. It observes the last 0.6 s and the integral of the position
+evolution](training.md#one-policy-for-any-robot) on 408 such robots, 84 at a time: the 24 that are hardest for it at
+present, and 60 others in turn; none is a robot of the package. Like a linear law it is odd. It observes the last 0.6 s and the integral of the position
 error. All it knows about a robot is the scales of torque, lean, length and time; its estimator also knows the
 dimensions. The robots here were not seen in training. All have the sensors of kugle and start from the initial states
 of the task. A law that is *given* the robot is designed for its true parameters, delay and floor; a law of the

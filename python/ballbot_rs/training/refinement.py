@@ -92,7 +92,7 @@ _WEIGHTS: Final = {
 }
 #: Factor of the actions afterwards. On robots that were not tried, policies fall from too little torque more often than
 #: from too much.
-MARGIN: Final = 1.05
+MARGIN: Final = 1.025
 #: Generations between two trials of the mean on all robots, which give those on which it does worst.
 _EVERY: Final = 4
 
