@@ -7,9 +7,11 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs import _files
+from ballbot_rs._core import TASKS
 from ballbot_rs._short import number
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
+from ballbot_rs.control import sb3_policy
 from ballbot_rs.control.resolve import find
 from ballbot_rs.envs.family import sample_robots
 from ballbot_rs.media.report import origin
@@ -48,6 +50,16 @@ def run(tmp_path_factory):
     # It is too short to succeed.
     assert train(folder) == 1
     return folder
+
+
+def test_a_fitted_refined_and_trained_policy_is_odd(run):
+    model, _ = sb3_policy.load(run / run_folder.FINAL, "balance")
+    first, *others = teacher._actor(model)
+    rows = [row["name"] for row in TASKS["balance"]["observation"]]
+    of_vertical = first.unflatten(1, (-1, len(rows)))[:, :, rows.index("gravity direction, body z")]
+    assert first.any()
+    assert not of_vertical.any()
+    assert not any(biases.any() for biases in others if biases.ndim == 1)
 
 
 def test_a_run_is_of_a_family_and_drives_other_robots(run):

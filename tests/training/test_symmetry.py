@@ -117,6 +117,22 @@ def test_an_odd_policy_answers_the_opposite_motion_with_reversed_torques_while_i
         with torch.no_grad():
             evenness.append((teacher._actions(model, seen) + teacher._actions(model, reversed_)).square().mean().sqrt())
     assert evenness[1] < 1e-6 < 1e-3 < evenness[0]
+    assert all(not parameter.any() for parameter in teacher._actor(odd) if parameter.ndim == 1)
+
+
+def test_a_robot_moves_the_opposite_way_where_motions_are_small():
+    rows = tuple(row["name"] for row in TASKS["balance"]["observation"])
+    batch = bb.Batch(1, scale_observations=False, history=2, autoreset="disabled")
+    actions = np.random.default_rng(0).uniform(-1e-3, 1e-3, (40, 3)).astype(np.float32)
+
+    def motion(sign):
+        start = bb.State.at_equilibrium(bb.Params.paper(), tilt=tuple(sign * 0.01 * TILT))
+        first = batch.reset(starts=[start])[0]
+        return np.array([first, *(batch.step(sign * action[None])[0][0] for action in actions)])
+
+    one, other = motion(1.0), motion(-1.0)
+    assert np.abs(one - other).max() > 1e-2
+    np.testing.assert_allclose(other, one @ opposite(rows, 2), atol=1e-4)
 
 
 def test_the_opposite_motion_has_the_same_vertical_and_distances():
@@ -127,8 +143,14 @@ def test_the_opposite_motion_has_the_same_vertical_and_distances():
 def test_what_is_not_odd_is_named():
     model = new_model(net_arch=(6,))
     model.policy.mlp_extractor.policy_net[1] = torch.nn.ReLU()
-    with pytest.raises(ValueError, match=r"odd = true: the activation function is ReLU\(\), expected Tanh"):
+    with pytest.raises(
+        ValueError, match=r"^symmetric = true, odd = true: the activation function is ReLU\(\), expected"
+    ):
         tied.tie(model, True, pytest.fail, odd=True)
+    cells = {"lstm_hidden_size": 6, "net_arch": []}
+    recurrent = RecurrentPPO("MlpLstmPolicy", bb.BallbotVecEnv(8, model="spatial"), n_steps=8, policy_kwargs=cells)
+    with pytest.raises(ValueError, match="^symmetric = true, odd = true: LSTM cells are not odd"):
+        tied.tie(recurrent, True, pytest.fail, odd=True)
     with pytest.raises(ValueError, match=r"odd = true: PPO with symmetric = 'auto': expected .* symmetric = true"):
         config.TrainConfig(symmetric="auto", odd=True)
     with pytest.raises(ValueError, match="odd = true: RecurrentPPO with symmetric = True: expected PPO"):
@@ -220,6 +242,10 @@ def test_weights_of_a_checkpoint_must_be_tied_already():
         tied.tie(model, True, pytest.fail, is_new=False)
     tied.tie(model, True, pytest.fail)
     assert tied.tie(model, True, pytest.fail, is_new=False) is not None
+    with pytest.raises(ValueError, match="symmetric = true, odd = true: the weights of the checkpoint are not tied"):
+        tied.tie(model, True, pytest.fail, odd=True, is_new=False)
+    tied.tie(model, True, pytest.fail, odd=True)
+    assert tied.tie(model, True, pytest.fail, odd=True, is_new=False) is not None
 
 
 def test_algorithms_without_symmetric_policies_are_named():

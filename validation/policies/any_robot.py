@@ -62,14 +62,14 @@ _LARGEST_ERROR: Final = 0.02
 _TEXT = """
 `assets/policies/balance-any.onnx`: of `ballbot train any` with seed 0. It is fitted to `lqr` on 512 robots of the
 [family](randomization.md#families-of-robots) with wider ranges of height, friction and inertia, and [refined by
-evolution](training.md#one-policy-for-any-robot) on 408 such robots, 84 at a time: the 24 that are hardest for it at
-present, and 60 others in turn; none is a robot of the package. Like a linear law it is odd. It observes the last 0.6 s and the integral of the position
-error. All it knows about a robot is the scales of torque, lean, length and time; its estimator also knows the
-dimensions. The robots here were not seen in training. All have the sensors of kugle and start from the initial states
-of the task. A law that is *given* the robot is designed for its true parameters, delay and floor; a law of the
-*nominal* robot is designed for the robot before events. "In place" means upright and, over the last 2 s, within 0.1 m
-of the setpoint and within 1° of upright; with `wide`, whose robots lean at rest, within 5.7° (`success_tilt=0.1`). Its
-95 % interval is in brackets.
+evolution](training.md#one-policy-for-any-robot) on 408 such robots, 84 at a time: the 24 that are hardest, chosen again
+every four generations, and 60 others in turn. None of them is a robot of the package. As under a linear law, the
+opposite motion gets reversed torques (`odd`). It observes the last 0.6 s and the integral of the position error. All it
+knows about a robot is the scales of torque, lean, length and time; its estimator also knows the dimensions. The robots
+here were not seen in training. All have the sensors of kugle and start from the initial states of the task. A law that
+is *given* the robot is designed for its true parameters, delay and floor; a law of the *nominal* robot is designed for
+the robot before events. "In place" means upright and, over the last 2 s, within 0.1 m of the setpoint and within 1° of
+upright; with `wide`, whose robots lean at rest, within 5.7° (`success_tilt=0.1`). Its 95 % interval is in brackets.
 
 The largest impulsive push from which it recovers, in the worst of 24 directions, is 93 % (paper), 94 % (asroballet) and
 103 % (kugle, rezero) of the push of `lqr`, which knows the robot; it recovers from tilts of 91 to 106 % of the law's.

@@ -147,7 +147,8 @@ class Refinement:
     #: episodes in each. Without these options they have no events, and the starts of the task. `weight`, 1 by default,
     #: is how much they count among all whole episodes.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
-    #: Policies are tried on the robots on which their mean does worst, this many, and on `others` of the rest in turn.
+    #: How many robots are always tried: those on which the mean of the search does worst, chosen again every four
+    #: generations; and `others` of the rest in turn.
     #: None is all robots.
     hardest: int | None = None
     others: int = 0
@@ -222,8 +223,9 @@ class TrainConfig:
     #: get turned and mirrored torques (`training.tied`). Hidden layers then have multiples of 6 units. "auto" is true
     #: where robots, observations and hidden layers have the symmetries. `CMA` has an argument of the same name.
     symmetric: bool | str = False
-    #: Whether a symmetric policy is odd, as linear laws are: it has no biases, and the opposite observation gives
-    #: reversed torques. Only for `PPO` with tanh, the default.
+    #: Whether a symmetric policy is odd, as linear laws are: the opposite motion gets reversed torques. Its actor has no
+    #: biases, and cannot use the rows that the opposite motion has alike: the vertical component of gravity and the
+    #: distance of a goal. Only for `PPO` with tanh, the default.
     odd: bool = False
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)

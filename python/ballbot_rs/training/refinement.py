@@ -9,9 +9,9 @@ an observation and of its ages. Each policy of a generation is tried on robots o
 - in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`; what counts is
   where they end, and how still the ball rests before.
 
-Most robots are easy, so policies can be tried on a part of the robots: on which the mean of the search does worst at
-present, and some others. Each generation has other starts, other noise, and other easy robots: policies tried on the
-same ones all along fell from starts between them.
+Most robots are easy, so policies can be tried on some of them: those on which the mean of the search currently does
+worst, and others in turn. Each generation has other starts and other noise, too: policies tried on the same starts all
+along fell from starts between them.
 """
 
 import importlib
@@ -93,7 +93,7 @@ _WEIGHTS: Final = {
 #: Factor of the actions afterwards. On robots that were not tried, policies fall from too little torque more often than
 #: from too much.
 MARGIN: Final = 1.025
-#: Generations between two trials of the mean on all robots, which give those on which it does worst.
+#: Every so many generations the mean is tried on all robots, and the hardest are chosen again.
 _EVERY: Final = 4
 
 
@@ -281,9 +281,9 @@ class Trials:
         self._all = robots
         self._hardest = np.arange(len(robots))
         self._others = self._hardest[:0]
-        self._take(self._hardest, 0)
+        self._make(self._hardest, 0)
 
-    def _take(self, kept: npt.NDArray[np.int64], generation: int) -> None:
+    def _make(self, kept: npt.NDArray[np.int64], generation: int) -> None:
         """Makes the environments of some robots in a generation."""
         self._robots = [self._all[i] for i in kept]
         self._azimuths = np.tile(AZIMUTHS, (len(kept), 1))
@@ -354,9 +354,7 @@ class Trials:
 
         Generations that begin later have the robots on which this policy does worst.
         """
-        self._hardest = np.arange(len(self._all))
-        self._others = self._hardest[:0]
-        self.begin(0)
+        self._begin_with(np.arange(len(self._all)), 0)
         measured = self._measured(network)
         hardest = self.settings.hardest
         if hardest is not None:
@@ -370,11 +368,13 @@ class Trials:
         """Takes the robots, the starts and the noise of a generation; generation 0 is for comparisons."""
         at_once = self.settings.others
         others = np.roll(self._others, -generation * at_once)[:at_once]
-        kept = np.sort(np.concatenate([self._hardest, others]))
-        self._take(kept, generation)
+        self._begin_with(np.sort(np.concatenate([self._hardest, others])), generation)
+
+    def _begin_with(self, kept: npt.NDArray[np.int64], generation: int) -> None:
+        self._make(kept, generation)
         # Only where it counts is there a limit.
         sizes, self._counts = (of_all[:, kept] for of_all in self._of_all)
-        self._tilts, self._impulses = self._begin(sizes[..., None] * self._fractions)
+        self._tilts, self._impulses = self._tilts_and_pushes(sizes[..., None] * self._fractions)
 
     @property
     def ages(self) -> int:
@@ -444,12 +444,12 @@ class Trials:
 
         for _ in range(_PASSES):
             grid = low[..., None] + (high - low)[..., None] * steps
-            within = _first(self._upright(*self._begin(grid), fallen))[..., None]
+            within = _first(self._upright(*self._tilts_and_pushes(grid), fallen))[..., None]
             bounds = np.concatenate([low[..., None], grid, high[..., None]], axis=-1)
             low, high = (np.take_along_axis(bounds, within + up, axis=-1)[..., 0] for up in (0, 1))
         return low
 
-    def _begin(self, sizes: Array) -> tuple[list[State], Array]:
+    def _tilts_and_pushes(self, sizes: Array) -> tuple[list[State], Array]:
         """Starts and impulses (N·s) of tilts (rad) and pushes of these sizes, of shape (2, robots, fractions)."""
         cos, sin = np.cos(self._azimuths), np.sin(self._azimuths)
         starts = []

@@ -122,7 +122,8 @@ class Ties:
         """Ties the weights again: the mean of each parameter over the symmetries."""
         for parameter, gives, given in self._tied:
             turned = parameter @ gives if given is None else gives @ parameter @ given.mT
-            parameter.copy_(turned.mean(dim=0))
+            # Opposites last: they cancel exactly.
+            parameter.copy_(turned.unflatten(0, (-1, ORBIT)).mean(dim=1).mean(dim=0))
 
     @torch.no_grad()
     def holds(self) -> bool:
@@ -141,17 +142,17 @@ class Ties:
 
 
 def _odd(space: torch.Tensor) -> torch.Tensor:
-    """How the symmetries, and each with the opposite motion, change what is reversed by that."""
+    """The symmetries of a space, and each of them combined with the opposite motion, which reverses the space."""
     return torch.cat([space, -space])
 
 
 def _check_odd(model: BaseAlgorithm) -> None:
     policy: Any = model.policy
     if sb3_recurrent.is_recurrent(model):
-        raise ValueError("odd = true: LSTM cells are not odd")
+        raise ValueError("LSTM cells are not odd")
     for layer in policy.mlp_extractor.policy_net:
         if not isinstance(layer, (torch.nn.Linear, torch.nn.Tanh)):
-            raise ValueError(f"odd = true: the activation function is {layer}, expected Tanh")
+            raise ValueError(f"the activation function is {layer}, expected Tanh")
 
 
 def tie(
@@ -168,11 +169,12 @@ def tie(
         model: with new weights, or with the weights of a checkpoint.
         symmetric: whether to tie them; `AUTO` where the robots and the policy allow it.
         tell: called with the reason why `AUTO` does not tie them.
-        odd: whether the tied actor is odd.
+        odd: whether the actor is odd, too; only with `symmetric`.
         is_new: whether the weights are new; others must be tied already.
 
     Raises:
-        ValueError: `symmetric` is true, and the robots, the rows of their observations or the policy are not.
+        ValueError: `symmetric` is true, and the robots, the rows of their observations or the policy are not, the actor
+            cannot be odd, or the weights of the checkpoint are not tied.
     """
     if symmetric is False:
         return None
@@ -191,7 +193,7 @@ def tie(
         if symmetric == AUTO:
             tell(f"the policy is not symmetric: {error}")
             return None
-        raise ValueError(f"symmetric = true: {error}") from error
+        raise ValueError(f"symmetric = true{', odd = true' * odd}: {error}") from error
     if is_new:
         ties.begin()
     ties.hold_after(model.policy.optimizer)
