@@ -223,9 +223,9 @@ class TrainConfig:
     #: get turned and mirrored torques (`training.tied`). Hidden layers then have multiples of 6 units. "auto" is true
     #: where robots, observations and hidden layers have the symmetries. `CMA` has an argument of the same name.
     symmetric: bool | str = False
-    #: Whether a symmetric policy is odd, as linear laws are: the opposite motion gets reversed torques. Its actor has no
-    #: biases, and cannot use the rows that the opposite motion has alike: the vertical component of gravity and the
-    #: distance of a goal. Only for `PPO` with tanh, the default.
+    #: Whether a symmetric policy is odd, as linear laws are: the opposite motion gets reversed torques. Its actor has
+    #: no biases, and cannot use the rows that the opposite motion has alike: the vertical component of gravity and
+    #: the distance of a goal. Only for `PPO` with tanh, the default.
     odd: bool = False
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)

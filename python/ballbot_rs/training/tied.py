@@ -123,7 +123,7 @@ class Ties:
         for parameter, gives, given in self._tied:
             turned = parameter @ gives if given is None else gives @ parameter @ given.mT
             # Opposites last: they cancel exactly.
-            parameter.copy_(turned.unflatten(0, (-1, ORBIT)).mean(dim=1).mean(dim=0))
+            parameter.copy_(turned.reshape(-1, ORBIT, *parameter.shape).mean(dim=1).mean(dim=0))
 
     @torch.no_grad()
     def holds(self) -> bool:
