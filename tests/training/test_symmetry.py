@@ -143,9 +143,7 @@ def test_the_opposite_motion_has_the_same_vertical_and_distances():
 def test_what_is_not_odd_is_named():
     model = new_model(net_arch=(6,))
     model.policy.mlp_extractor.policy_net[1] = torch.nn.ReLU()
-    with pytest.raises(
-        ValueError, match=r"symmetric = true, odd = true: the activation function is ReLU\(\)"
-    ):
+    with pytest.raises(ValueError, match=r"symmetric = true, odd = true: the activation function is ReLU\(\)"):
         tied.tie(model, True, pytest.fail, odd=True)
     cells = {"lstm_hidden_size": 6, "net_arch": []}
     recurrent = RecurrentPPO("MlpLstmPolicy", bb.BallbotVecEnv(8, model="spatial"), n_steps=8, policy_kwargs=cells)
