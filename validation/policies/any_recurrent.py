@@ -1,5 +1,7 @@
 """What recurrence is worth in the policy for any robot: fits with LSTM cells in place of a history of observations.
 
+No policy is odd, as LSTM cells are not.
+
 `python -m validation.policies.any_recurrent` prints the table of docs/training.md, in some minutes of one core.
 """
 
