@@ -92,7 +92,7 @@ def test_the_starts_are_fractions_of_what_the_law_recovers_from(trials):
         terminated = [batch.step(batch.control(law(), privileged=True, drawn=True))[2] for _ in range(steps)]
         return np.any(terminated, axis=0)
 
-    recovered = trials._upright(*trials._begin(grid), fallen)
+    recovered = trials._upright(*trials._tilts_and_pushes(grid), fallen)
     assert recovered.shape == (2, 1, len(FRACTIONS), len(AZIMUTHS))
     assert recovered[:, :, :-1].all()
     assert not recovered[:, :, -1].all(axis=-1).any()

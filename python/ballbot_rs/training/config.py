@@ -272,9 +272,8 @@ class TrainConfig:
         if not isinstance(self.odd, bool):
             raise ValueError(f"odd = {self.odd!r} must be true or false")
         if self.odd and (self.algorithm != "PPO" or self.symmetric is not True):
-            raise ValueError(
-                f"odd = true: {self.algorithm} with symmetric = {self.symmetric!r}: expected PPO with symmetric = true"
-            )
+            given = f"algorithm = '{self.algorithm}', symmetric = {self.symmetric!r}"
+            raise ValueError(f"odd = true with {given}: expected algorithm = 'PPO', symmetric = True")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")
