@@ -45,10 +45,10 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
 Driven this way with velocity commands of up to 0.5 m/s, `balance-any` stays upright in 50 of 50 episodes on each
-preset. Its settled errors are 0.2 cm/s (paper), 1.7 (kugle), 1.9 (asroballet) and 0.7 (rezero) without turns, and 0.6,
-1.8, 1.9 and 0.8 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero. Kugle's ball spins at 30 rad/s
-under the body that turns. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy
-`velocity` and the laws are the better choice for commands that turn.
+preset. Its settled errors, with exact observations, are 0.2 cm/s (paper), 1.9 (asroballet), 1.7 (kugle) and 0.7
+(rezero) without turns, and 0.6, 1.9, 1.8 and 0.8 with the turns of the task, up to 1 rad/s on kugle and 0.4 on rezero.
+Kugle's ball spins at 30 rad/s under the body that turns. On a circle of 0.5 m in 12 s it falls from none of 24 starts
+on any preset. The policy `velocity` and the laws are the better choice for commands that turn.
 
 ```sh
 ballbot evaluate velocity --controller assets/policies/balance-any.onnx --robot kugle --episodes 50 --set speed=0.5

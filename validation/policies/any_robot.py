@@ -250,7 +250,7 @@ def _hardest(policy: str) -> tuple[list[Claim], str]:
             share = ours / best if best > 0.0 else 1.0
             claims.append(_no_more(what, LEAST - share))
         lines.append([robot, *cells])
-    names = ("policy", "`lqr` within its torque", "`lqr`")
+    names = ("policy", "`lqr` within the policy's torque", "`lqr`")
     columns = [f"{what}: {name}" for what in SCENARIOS.values() for name in names]
     return claims, table(["worst of 24 directions", *columns], lines)
 
