@@ -148,8 +148,7 @@ class Refinement:
     #: is how much they count among all whole episodes.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
     #: How many robots are always tried: those on which the mean of the search does worst, chosen again every four
-    #: generations; and `others` of the rest in turn.
-    #: None is all robots.
+    #: generations; and `others` of the rest in turn. None is all robots.
     hardest: int | None = None
     others: int = 0
     generations: int = 40

@@ -280,7 +280,6 @@ class Trials:
             )
         self._all = robots
         self._hardest = np.arange(len(robots))
-        self._others = self._hardest[:0]
         self._make(self._hardest, 0)
 
     def _make(self, kept: npt.NDArray[np.int64], generation: int) -> None:
@@ -347,7 +346,7 @@ class Trials:
         except ValueError as error:
             raise ValueError(f"refinement.robots: {error}") from error
         self._of_all = limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]])
-        self.begin(0)
+        self._place(self._hardest)
 
     def on_all(self, network: Network) -> dict[str, float]:
         """The `parts` of a policy on all robots, in generation 0; after `measure`.
@@ -360,18 +359,22 @@ class Trials:
         if hardest is not None:
             # Without a limit, a robot is easy.
             by_robot = {name: np.nan_to_num(values, nan=1.0) for name, values in measured.items()}
-            order = np.argsort(objective(by_robot), kind="stable")
-            self._hardest, self._others = order[:hardest], np.sort(order[hardest:])
+            self._hardest = np.argsort(objective(by_robot), kind="stable")[:hardest]
         return _means(measured)
 
     def begin(self, generation: int) -> None:
         """Takes the robots, the starts and the noise of a generation; generation 0 is for comparisons."""
         at_once = self.settings.others
-        others = np.roll(self._others, -generation * at_once)[:at_once]
+        rest = np.setdiff1d(np.arange(len(self._all)), self._hardest)
+        others = np.roll(rest, -generation * at_once)[:at_once]
         self._begin_with(np.sort(np.concatenate([self._hardest, others])), generation)
 
     def _begin_with(self, kept: npt.NDArray[np.int64], generation: int) -> None:
         self._make(kept, generation)
+        self._place(kept)
+
+    def _place(self, kept: npt.NDArray[np.int64]) -> None:
+        """Sets the starts of the present robots from their limits."""
         # Only where it counts is there a limit.
         sizes, self._counts = (of_all[:, kept] for of_all in self._of_all)
         self._tilts, self._impulses = self._tilts_and_pushes(sizes[..., None] * self._fractions)

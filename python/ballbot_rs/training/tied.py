@@ -70,10 +70,7 @@ class Ties:
                 critic.insert(0, policy.critic)
             else:
                 valued = acted
-        if opposite is None:
-            self._tie_layers(actor, acted, actions)
-        else:
-            self._tie_layers(actor, torch.cat([acted, acted @ _tensor(opposite)]), _odd(actions), _odd)
+        self._tie_layers(actor, acted, actions, opposite)
         self._tie_layers(critic, valued, torch.ones(len(pairs), 1, 1))
         self._tied.append((policy.log_std, actions.abs(), None))
 
@@ -82,9 +79,14 @@ class Ties:
         layers: list[torch.nn.Linear],
         given: torch.Tensor,
         gives: torch.Tensor,
-        extended: Callable[[torch.Tensor], torch.Tensor] = lambda space: space,
+        opposite: Matrix | None = None,
     ) -> None:
-        spaces = [given, *(extended(self._space(layer.out_features)) for layer in layers[:-1]), gives]
+        others = [*(self._space(layer.out_features) for layer in layers[:-1]), gives]
+        if opposite is not None:
+            # Each symmetry once more, combined with the opposite motion, which reverses all that layers give.
+            given = torch.cat([given, given @ _tensor(opposite)])
+            others = [torch.cat([space, -space]) for space in others]
+        spaces = [given, *others]
         for layer, (before, after) in zip(layers, pairwise(spaces), strict=True):
             self._tied += [(layer.weight, after, before), (layer.bias, after, None)]
 
@@ -139,11 +141,6 @@ class Ties:
     def hold_after(self, optimizer: torch.optim.Optimizer) -> None:
         """Ties the weights again after each of an optimizer's steps."""
         optimizer.register_step_post_hook(lambda *_: self.hold())
-
-
-def _odd(space: torch.Tensor) -> torch.Tensor:
-    """The symmetries of a space, and each of them combined with the opposite motion, which reverses the space."""
-    return torch.cat([space, -space])
 
 
 def _check_odd(model: BaseAlgorithm) -> None:
